@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+# The house's walls. A floor's headers are visible only to targets that link it, and a floor may link only floors below
+# it, so an include that points upwards or sideways does not compile. tests/walls proves it.
+
+include_guard()
+include(GNUInstallDirs)
+
+# regista_floor(NAME LEVEL n [USES floor...] [SOURCES file...] [LINKS library...])
+#   USES   floors below; LINKS third-party libraries that the sources need (never its public headers).
+function(regista_floor name)
+  cmake_parse_arguments(arg "" "LEVEL" "USES;SOURCES;LINKS" ${ARGN})
+  set(target regista_${name})
+  set(folder ${CMAKE_CURRENT_SOURCE_DIR}/${name})
+  if(arg_SOURCES)
+    set(scope PUBLIC)
+    add_library(${target} STATIC ${arg_SOURCES})
+    target_link_libraries(${target} PRIVATE ${arg_LINKS})
+    target_include_directories(${target} PRIVATE ${folder}/src)
+    set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  else()
+    set(scope INTERFACE)
+    add_library(${target} INTERFACE)
+  endif()
+  add_library(regista::${name} ALIAS ${target})
+  file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${folder}/include/*.hpp)
+  target_sources(${target} ${scope} FILE_SET HEADERS BASE_DIRS ${folder}/include FILES ${headers})
+  target_compile_features(${target} ${scope} cxx_std_20)
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} REGISTA_LEVEL ${arg_LEVEL})
+  foreach(below IN LISTS arg_USES)
+    get_target_property(level regista_${below} REGISTA_LEVEL)
+    if(NOT level LESS arg_LEVEL)
+      message(FATAL_ERROR "${name} (level ${arg_LEVEL}) may not use ${below} (level ${level}): only floors below it")
+    endif()
+    target_link_libraries(${target} ${scope} regista::${below})
+  endforeach()
+  install(TARGETS ${target} EXPORT regista FILE_SET HEADERS ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endfunction()
+
+# regista_program(NAME SOURCES file... [USES floor...] [LINKS library...]): lands in build/<preset>/bin and is installed.
+function(regista_program name)
+  cmake_parse_arguments(arg "" "" "SOURCES;USES;LINKS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  list(TRANSFORM arg_USES PREPEND regista::)
+  target_link_libraries(${name} PRIVATE ${arg_USES} ${arg_LINKS})
+  target_compile_definitions(${name} PRIVATE REGISTA_VERSION="${PROJECT_VERSION}")
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endfunction()
