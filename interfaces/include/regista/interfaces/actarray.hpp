@@ -17,7 +17,7 @@ struct Actuator {
   float speed = 0;
   float acceleration = 0;
   float current_a = 0;
-  ActuatorState state;
+  ActuatorState state{};
 
   static constexpr auto fields = std::tuple{
       Field<&Actuator::position>{"position", "m or rad"}, Field<&Actuator::speed>{"speed", "m/s or rad/s"},
@@ -27,7 +27,7 @@ struct Actuator {
 };
 
 struct State {
-  std::vector<Actuator> actuators;
+  std::vector<Actuator> actuators{};
   std::uint8_t motors_on = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
@@ -37,10 +37,10 @@ struct State {
 };
 
 struct ActuatorGeometry {
-  ActuatorType type;
+  ActuatorType type{};
   float length_m = 0;
-  Orientation3d orientation;
-  Point3d axis;
+  Orientation3d orientation{};
+  Point3d axis{};
   float min = 0;
   float centre = 0;
   float max = 0;
@@ -62,9 +62,9 @@ struct ActuatorGeometry {
 };
 
 struct Geometry {
-  std::vector<ActuatorGeometry> actuators;
-  Point3d base_position;
-  Orientation3d base_orientation;
+  std::vector<ActuatorGeometry> actuators{};
+  Point3d base_position{};
+  Orientation3d base_orientation{};
 
   static constexpr auto fields =
       std::tuple{Field<&Geometry::actuators>{"actuators"}, Field<&Geometry::base_position>{"base_pos"},
@@ -83,7 +83,7 @@ struct PositionCommand {
 };
 
 struct MultiPositionCommand {
-  std::vector<float> positions;
+  std::vector<float> positions{};
 
   static constexpr Message message{code, Kind::command, 2, "MULTI_POS"};
   static constexpr auto fields = std::tuple{Field<&MultiPositionCommand::positions>{"positions", "m or rad"}};
@@ -101,7 +101,7 @@ struct SpeedCommand {
 };
 
 struct MultiSpeedCommand {
-  std::vector<float> speeds;
+  std::vector<float> speeds{};
 
   static constexpr Message message{code, Kind::command, 4, "MULTI_SPEED"};
   static constexpr auto fields = std::tuple{Field<&MultiSpeedCommand::speeds>{"speeds", "m/s or rad/s"}};
@@ -127,7 +127,7 @@ struct CurrentCommand {
 };
 
 struct MultiCurrentCommand {
-  std::vector<float> currents_a;
+  std::vector<float> currents_a{};
 
   static constexpr Message message{code, Kind::command, 7, "MULTI_CURRENT"};
   static constexpr auto fields = std::tuple{Field<&MultiCurrentCommand::currents_a>{"currents", "A"}};

@@ -10,7 +10,7 @@ inline constexpr std::uint16_t code = 21;
 
 /// The inputs.
 struct State {
-  std::vector<float> voltages_v;
+  std::vector<float> voltages_v{};
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
   static constexpr auto fields = std::tuple{Field<&State::voltages_v>{"voltages", "V"}};

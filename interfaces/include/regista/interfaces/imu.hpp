@@ -9,7 +9,7 @@ namespace regista::imu {
 inline constexpr std::uint16_t code = 60;
 
 struct State {
-  Pose3d pose;
+  Pose3d pose{};
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
   static constexpr auto fields = std::tuple{Field<&State::pose>{"pose"}};
@@ -39,7 +39,7 @@ struct Calibrated {
 };
 
 struct Quaternion {
-  Calibrated samples;
+  Calibrated samples{};
   float q0 = 0;
   float q1 = 0;
   float q2 = 0;
@@ -53,8 +53,8 @@ struct Quaternion {
 };
 
 struct Euler {
-  Calibrated samples;
-  Orientation3d orientation;
+  Calibrated samples{};
+  Orientation3d orientation{};
 
   static constexpr Message message{code, Kind::data, 4, "EULER"};
   static constexpr auto fields =
@@ -63,9 +63,9 @@ struct Euler {
 };
 
 struct FullState {
-  Pose3d pose;
-  Rates3d velocity;
-  Rates3d acceleration;
+  Pose3d pose{};
+  Rates3d velocity{};
+  Rates3d acceleration{};
 
   static constexpr Message message{code, Kind::data, 5, "FULLSTATE"};
   static constexpr auto fields =
@@ -94,7 +94,7 @@ struct ResetOrientation {
 };
 
 struct ResetEuler {
-  Pose3d orientation;
+  Pose3d orientation{};
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 3, "RESET_EULER"};

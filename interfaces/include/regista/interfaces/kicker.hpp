@@ -60,8 +60,8 @@ struct ChargeCommand {
 };
 
 struct Geometry {
-  Pose3d pose;
-  Size3d size;
+  Pose3d pose{};
+  Size3d size{};
 
   static constexpr auto fields = std::tuple{Field<&Geometry::pose>{"pose", "", "of the plate in the robot's frame"},
                                             Field<&Geometry::size>{"size"}};

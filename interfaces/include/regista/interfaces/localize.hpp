@@ -9,7 +9,7 @@ namespace regista::localize {
 inline constexpr std::uint16_t code = 25;
 
 struct Hypothesis {
-  Pose2d mean;
+  Pose2d mean{};
   std::array<double, 6> covariance{};
   double weight = 0;
 
@@ -23,7 +23,7 @@ struct Hypothesis {
 struct State {
   std::uint32_t pending_count = 0;
   double pending_time_s = 0;
-  std::vector<Hypothesis> hypotheses;
+  std::vector<Hypothesis> hypotheses{};
 
   static constexpr Message message{code, Kind::data, 1, "HYPOTHS"};
   static constexpr auto fields =
@@ -35,7 +35,7 @@ struct State {
 
 /// The robot is here, as far as we know.
 struct SetPose {
-  Pose2d mean;
+  Pose2d mean{};
   std::array<double, 6> covariance{};
 
   using Reply = Empty;
@@ -46,7 +46,7 @@ struct SetPose {
 };
 
 struct Particle {
-  Pose2d pose;
+  Pose2d pose{};
   double weight = 0;
 
   static constexpr auto fields = std::tuple{Field<&Particle::pose>{"pose"}, Field<&Particle::weight>{"alpha"}};
@@ -54,9 +54,9 @@ struct Particle {
 };
 
 struct GetParticles {
-  Pose2d mean;
+  Pose2d mean{};
   double variance = 0;
-  std::vector<Particle> particles;
+  std::vector<Particle> particles{};
 
   using Reply = GetParticles;
   static constexpr Message message{code, Kind::request, 2, "GET_PARTICLES"};

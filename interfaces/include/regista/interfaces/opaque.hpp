@@ -9,7 +9,7 @@ namespace regista::opaque {
 inline constexpr std::uint16_t code = 51;
 
 struct State {
-  std::vector<std::uint8_t> bytes;
+  std::vector<std::uint8_t> bytes{};
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
   static constexpr auto fields = std::tuple{Field<&State::bytes>{"data"}};
@@ -17,7 +17,7 @@ struct State {
 };
 
 struct Command {
-  std::vector<std::uint8_t> bytes;
+  std::vector<std::uint8_t> bytes{};
 
   static constexpr Message message{code, Kind::command, 1, "DATA", Flow::edge, "opaque"};
   static constexpr auto fields = std::tuple{Field<&Command::bytes>{"data"}};
@@ -25,7 +25,7 @@ struct Command {
 };
 
 struct Request {
-  std::vector<std::uint8_t> bytes;
+  std::vector<std::uint8_t> bytes{};
 
   using Reply = Request;
   static constexpr Message message{code, Kind::request, 1, "DATA"};

@@ -11,9 +11,9 @@ inline constexpr std::uint16_t code = 44;
 struct State {
   std::uint8_t valid = 0;
   std::uint8_t done = 0;
-  Pose2d pose;
-  Pose2d goal;
-  Pose2d waypoint;
+  Pose2d pose{};
+  Pose2d goal{};
+  Pose2d waypoint{};
   std::int32_t waypoint_index = 0;
   std::uint32_t waypoint_count = 0;
 
@@ -29,7 +29,7 @@ struct State {
 };
 
 struct GoalCommand {
-  Pose2d goal;
+  Pose2d goal{};
 
   static constexpr Message message{code, Kind::command, 1, "GOAL", Flow::set_point, "mission"};
   static constexpr auto fields = std::tuple{Field<&GoalCommand::goal>{"goal"}};
@@ -38,7 +38,7 @@ struct GoalCommand {
 
 /// Go from here, as a GoalCommand to the pose given.
 struct StartCommand {
-  Pose2d start;
+  Pose2d start{};
 
   static constexpr Message message{code, Kind::command, 2, "START", Flow::set_point, "mission"};
   static constexpr auto fields = std::tuple{Field<&StartCommand::start>{"goal"}};
@@ -47,7 +47,7 @@ struct StartCommand {
 
 struct Waypoints {
   double length_m = 0;
-  std::vector<Pose2d> waypoints;
+  std::vector<Pose2d> waypoints{};
 
   static constexpr auto fields = std::tuple{Field<&Waypoints::length_m>{"waypoints_distance", "m", "of the path"},
                                             Field<&Waypoints::waypoints>{"waypoints"}};

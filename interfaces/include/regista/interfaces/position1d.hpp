@@ -26,8 +26,8 @@ struct State {
 
 /// Where the axis is on the robot and how large it is; also published when it changes.
 struct Geometry {
-  Pose3d pose;
-  Size3d size;
+  Pose3d pose{};
+  Size3d size{};
 
   static constexpr Message message{code, Kind::data, 2, "GEOM"};
   static constexpr auto fields = std::tuple{Field<&Geometry::pose>{"pose", "", "of the device in the robot's frame"},

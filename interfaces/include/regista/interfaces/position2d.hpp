@@ -10,8 +10,8 @@ inline constexpr std::uint16_t code = 4;
 
 /// Odometry: the pose in the odometry frame and the velocity of the body.
 struct State {
-  Pose2d pose;
-  BodyVelocity velocity;
+  Pose2d pose{};
+  BodyVelocity velocity{};
   std::uint8_t stalled = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
@@ -23,8 +23,8 @@ struct State {
 
 /// Where the base is on the robot and how large it is; also published when it changes.
 struct Geometry {
-  Pose3d pose;
-  Size3d size;
+  Pose3d pose{};
+  Size3d size{};
 
   static constexpr Message message{code, Kind::data, 2, "GEOM"};
   static constexpr auto fields = std::tuple{Field<&Geometry::pose>{"pose", "", "of the device in the robot's frame"},
@@ -34,9 +34,9 @@ struct Geometry {
 
 /// Drive at this velocity. On a device of role `sensor` it is a measured pose instead, and `age_s` tells how old.
 struct VelocityCommand {
-  BodyVelocity velocity;
+  BodyVelocity velocity{};
   std::uint8_t motors_on = 1;
-  std::optional<double> age_s;
+  std::optional<double> age_s{};
 
   static constexpr Message message{code, Kind::command, 1, "VEL"};
   static constexpr auto fields = std::tuple{
@@ -47,8 +47,8 @@ struct VelocityCommand {
 
 /// Go to this pose, no faster than `velocity`.
 struct PositionCommand {
-  Pose2d pose;
-  BodyVelocity velocity;
+  Pose2d pose{};
+  BodyVelocity velocity{};
   std::uint8_t motors_on = 1;
 
   static constexpr Message message{code, Kind::command, 2, "POS"};
@@ -118,7 +118,7 @@ struct SetPositionMode {
 
 /// The base is here now.
 struct SetOdometry {
-  Pose2d pose;
+  Pose2d pose{};
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 5, "SET_ODOM"};

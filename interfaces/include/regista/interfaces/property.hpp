@@ -9,7 +9,7 @@ namespace regista::property {
 /// A Get request carries an empty value; its answer is the same struct, filled.
 template <typename T, std::uint8_t subtype>
 struct Get {
-  Text key;
+  Text key{};
   T value{};
 
   using Reply = Get;
@@ -21,7 +21,7 @@ struct Get {
 /// NACK: no property of this name and type, a value out of range, or one that only the driver may change.
 template <typename T, std::uint8_t subtype>
 struct Set {
-  Text key;
+  Text key{};
   T value{};
 
   using Reply = Empty;

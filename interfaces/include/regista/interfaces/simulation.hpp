@@ -27,8 +27,8 @@ struct SaveCommand {
 };
 
 struct GetPose2d {
-  Text object;
-  Pose2d pose;
+  Text object{};
+  Pose2d pose{};
 
   using Reply = GetPose2d;
   static constexpr Message message{code, Kind::request, 1, "GET_POSE2D"};
@@ -38,8 +38,8 @@ struct GetPose2d {
 };
 
 struct SetPose2d {
-  Text object;
-  Pose2d pose;
+  Text object{};
+  Pose2d pose{};
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 2, "SET_POSE2D"};
@@ -48,8 +48,8 @@ struct SetPose2d {
 };
 
 struct GetPose3d {
-  Text object;
-  Pose3d pose;
+  Text object{};
+  Pose3d pose{};
   double time_s = 0;
 
   using Reply = GetPose3d;
@@ -61,8 +61,8 @@ struct GetPose3d {
 };
 
 struct SetPose3d {
-  Text object;
-  Pose3d pose;
+  Text object{};
+  Pose3d pose{};
   double time_s = 0;
 
   using Reply = Empty;
@@ -73,10 +73,10 @@ struct SetPose3d {
 };
 
 struct GetProperty {
-  Text object;
-  Text property;
+  Text object{};
+  Text property{};
   std::uint32_t index = 0;
-  Text value;
+  Text value{};
 
   using Reply = GetProperty;
   static constexpr Message message{code, Kind::request, 5, "GET_PROPERTY"};
@@ -87,10 +87,10 @@ struct GetProperty {
 };
 
 struct SetProperty {
-  Text object;
-  Text property;
+  Text object{};
+  Text property{};
   std::uint32_t index = 0;
-  Text value;
+  Text value{};
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 6, "SET_PROPERTY"};
