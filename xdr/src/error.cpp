@@ -5,7 +5,7 @@
 namespace regista::xdr {
 
 const std::error_category& error_category() noexcept {
-  static const class final : public std::error_category {
+  static const class Category final : public std::error_category {
     [[nodiscard]] const char* name() const noexcept override { return "player wire"; }
     [[nodiscard]] std::string message(int code) const override {
       switch (static_cast<Errc>(code)) {
