@@ -65,10 +65,13 @@ struct Field {
 /// The fields of a struct in wire order, said once: encoder, decoder, comparison, text, JSON and test generators read
 /// this list. A message carries it as a static member.
 template <typename T>
-inline constexpr auto fields = T::fields;
+inline constexpr auto fields = nullptr;
+template <typename T>
+  requires requires { T::fields; }
+inline constexpr auto fields<T> = T::fields;
 
 template <typename T>
-concept Described = requires { std::tuple_size<std::remove_cvref_t<decltype(fields<T>)>>::value; };
+concept Described = !std::is_null_pointer_v<std::remove_cvref_t<decltype(fields<T>)>>;
 
 template <Described T>
 inline constexpr std::size_t field_count = std::tuple_size_v<std::remove_cvref_t<decltype(fields<T>)>>;

@@ -55,6 +55,20 @@ struct VariantOf<TypeList<Ms...>> {
   using Type = std::variant<Ms...>;
 };
 
+template <typename List, typename T>
+struct AddUnique;
+template <typename... Ts, typename T>
+struct AddUnique<TypeList<Ts...>, T>
+    : std::conditional<(std::same_as<Ts, T> || ...), TypeList<Ts...>, TypeList<Ts..., T>> {};
+
+template <typename Found, typename Requests>
+struct RepliesOf {
+  using Type = Found;
+};
+template <typename Found, typename R, typename... Rest>
+struct RepliesOf<Found, TypeList<R, Rest...>>
+    : RepliesOf<typename AddUnique<Found, typename R::Reply>::type, TypeList<Rest...>> {};
+
 template <Kind kind>
 using AnyOf = typename VariantOf<typename OfKind<kind, typename MessagesOf<Interfaces>::Type>::Type>::Type;
 
@@ -66,6 +80,9 @@ using AllMessages = detail::MessagesOf<Interfaces>::Type;
 using AnyData = detail::AnyOf<Kind::data>;        ///< what comes up from a driver
 using AnyCommand = detail::AnyOf<Kind::command>;  ///< what goes down to a driver
 using AnyRequest = detail::AnyOf<Kind::request>;  ///< what goes down and wants an answer
+/// What comes up in answer to a request that succeeded.
+using AnyReply = typename detail::VariantOf<typename detail::RepliesOf<
+    TypeList<Empty>, typename detail::OfKind<Kind::request, AllMessages>::Type>::Type>::Type;
 
 /// Call `visit.template operator()<M>()` for each message M of a list, until one returns true. Whether one did.
 template <typename... Ms, typename Visit>
