@@ -16,7 +16,8 @@ std::array<double, 256> angles() {
 void fmod_alone(benchmark::State& state) {
   const auto values = angles();
   std::size_t i = 0;
-  for ([[maybe_unused]] const auto _ : state) benchmark::DoNotOptimize(std::fmod(values[++i % values.size()], 2 * std::numbers::pi));
+  for ([[maybe_unused]] const auto _ : state)
+    benchmark::DoNotOptimize(std::fmod(values[++i % values.size()], 2 * std::numbers::pi));
 }
 
 void wrap(benchmark::State& state) {

@@ -5,7 +5,8 @@ import sys
 from xml.etree import ElementTree
 
 for case in ElementTree.parse(sys.argv[1]).iter("testcase"):
-    name = ".".join(filter(None, (case.get("classname"), case.get("name"))))
+    # CTest writes the name twice; pytest writes file and function.
+    name = ".".join(dict.fromkeys(filter(None, (case.get("classname"), case.get("name")))))
     if case.find("failure") is not None or case.find("error") is not None:
         print("fail", name)
     elif case.find("skipped") is None:

@@ -65,7 +65,7 @@ def check_floor(floor: str, compiler: str, directories: list[str]) -> list[str]:
         return [f"'{floor}' is missing in MAY_INCLUDE of {Path(__file__).name}"]
     allowed = [floor, *MAY_INCLUDE[floor]]
     errors = []
-    permitted = compile_includes(compiler, directories, [name for other in allowed for name in headers(other)])
+    permitted = compile_includes(compiler, directories, [name for other in allowed for name in headers(other)[:1]])
     if permitted.returncode != 0:
         errors.append(f"{floor} may include {', '.join(allowed)}, but this does not compile:\n{permitted.stderr}")
     for other in MAY_INCLUDE.keys() - set(allowed):
