@@ -62,10 +62,23 @@ struct Field {
       : wire_name{wire}, unit{in}, doc{says}, max_count{at_most} {}
 };
 
+namespace detail {
+
+template <typename T>
+consteval auto member_fields() {
+  if constexpr (requires { T::fields; }) {
+    return T::fields;
+  } else {
+    return nullptr;  // not Described
+  }
+}
+
+}  // namespace detail
+
 /// The fields of a struct in wire order, said once: encoder, decoder, comparison, text, JSON and test generators read
 /// this list. A message carries it as a static member.
 template <typename T>
-inline constexpr auto fields = T::fields;
+inline constexpr auto fields = detail::member_fields<T>();
 
 template <typename T>
 concept Described = requires { std::tuple_size<std::remove_cvref_t<decltype(fields<T>)>>::value; };
