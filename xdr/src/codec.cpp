@@ -14,7 +14,9 @@ bool Reader::get_count(std::size_t& count, std::size_t element_size, std::size_t
   std::uint32_t length = 0;
   if (!get(declared) || !get(length)) return false;
   const bool fits = element_size == 1 ? padded(length) <= left() : length <= left() / element_size;
-  if (length > declared || length > max_count || !fits) {
+  // Stock decoders hold an array against its buffer or, when they allocate one, against the member; never against both.
+  const std::size_t limit = max_count == unlimited ? declared : max_count;
+  if (length > limit || !fits) {
     at_ -= 4;  // to the length, which the error is about
     return fail(Errc::bad_count, length);
   }
