@@ -27,8 +27,9 @@ struct DeviceName {
 
 namespace detail {
 
+/// The server itself is no device that a driver could provide or require.
 template <typename... Is>
-std::vector<std::string_view> names_of(TypeList<Is...>) {
+std::vector<std::string_view> device_interfaces(TypeList<Player, Is...>) {
   return {Is::name...};
 }
 
@@ -40,7 +41,7 @@ inline std::optional<std::uint16_t> parse_uint16(std::string_view text) {
 }
 
 inline std::string unknown_interface(std::string_view name) {
-  const auto known = names_of(Interfaces{});
+  const auto known = device_interfaces(Interfaces{});
   std::string text = "unknown interface '" + std::string{name} + "'";
   if (const std::string hint = did_you_mean(name, known); !hint.empty()) return text + hint;
   text += "; known are";
@@ -74,7 +75,7 @@ inline Result<DeviceName> parse_device_name(std::string_view text) {
     if (name.port == 0) return error("port '" + std::string{port} + "' must be a number within [1, 65535]");
   }
   name.interface = interface_code(interface);
-  if (name.interface == 0) return error(detail::unknown_interface(interface));
+  if (name.interface == 0 || name.interface == Player::code) return error(detail::unknown_interface(interface));
   const auto number = detail::parse_uint16(index);
   if (!number) return error("index '" + std::string{index} + "' must be a number within [0, 65535]");
   name.index = *number;

@@ -75,9 +75,10 @@ struct PlacedName {
 
 /// A finite decimal number with an optional sign, fraction and exponent; empty when `text` is anything else.
 inline std::optional<double> parse_number(std::string_view text) {
-  if (text.starts_with('+')) text.remove_prefix(1);
-  const std::string_view digits = text.starts_with('-') ? text.substr(1) : text;
-  if (digits.empty() || digits.front() == '+' || digits.front() == '-') return {};
+  const bool is_signed = text.starts_with('+') || text.starts_with('-');
+  const std::string_view digits = text.substr(is_signed ? 1 : 0);
+  if (digits.empty() || !(digits.front() == '.' || (digits.front() >= '0' && digits.front() <= '9'))) return {};
+  if (text.starts_with('+')) text = digits;  // which from_chars does not know
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) return {};
