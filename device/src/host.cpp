@@ -14,6 +14,7 @@ using namespace std::chrono_literals;
 
 constexpr Duration first_back_off = 1s;  // then doubled, up to the longest
 constexpr Duration longest_back_off = 30s;
+constexpr std::string_view opening = "open";  // the call that may block
 constexpr Duration refusal_interval = 5s;
 // Without a beat of its own a driver's leases and ramps are looked after at this period.
 constexpr Duration motion_period = 10ms;
@@ -131,7 +132,7 @@ bool DriverHost::give_up() {
 template <typename Call>
 bool DriverHost::survives(std::string_view what, Call&& call) {
   std::string thrown;
-  busy_since_.store(now_.time_since_epoch().count(), std::memory_order_release);
+  if (what != opening) busy_since_.store(now_.time_since_epoch().count(), std::memory_order_release);
   try {
     call();
     busy_since_.store(0, std::memory_order_release);
@@ -191,6 +192,7 @@ void DriverHost::process(Channel& channel, Inbound& inbound) {
   std::visit(Overloaded{
                  [&](const AnyCommand&) { process_command(inbound); },
                  [&](const AnyRequest&) { process_request(channel, inbound); },
+                 [&](const Identity& who) { identities_[inbound.session] = who; },
                  [&](const Gone&) { gone(channel, inbound.session); },
              },
              inbound.message);
@@ -258,10 +260,6 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
 
   if (const auto* subscription = std::get_if<player::Subscribe>(&request)) {
     return answer(subscribe(channel, inbound, *subscription));
-  }
-  if (const auto* who = std::get_if<player::Identify>(&request)) {
-    identities_[inbound.session] = {std::string{who->name.view()}, who->priority, true};
-    return answer(AnyReply{});
   }
   if (std::holds_alternative<player::Stop>(request)) {
     for (MotionGroup& group : state.groups) {
@@ -472,7 +470,7 @@ void DriverHost::beat() {
 
 Result<> DriverHost::try_open() {
   Result<> opened;
-  if (!survives("open", [&] { opened = driver_->open(); })) {
+  if (!survives(opening, [&] { opened = driver_->open(); })) {
     return Error{std::errc::state_not_recoverable, fault_text_};
   }
   if (!opened) {
@@ -529,7 +527,10 @@ void DriverHost::shut_down(Time now) {
   driver_->halt();
   if (open_) driver_->close();
   open_ = false;
-  for (Channel& channel : channels_) channel.link.user->notify();
+}
+
+void DriverHost::notify_users() const {
+  for (const Channel& channel : channels_) channel.link.user->notify();
 }
 
 void DriverHost::put(Channel& channel, Outbound&& item) {

@@ -212,11 +212,15 @@ class Section {
     return names;
   }
 
+  /// Where the key's value is written; of a key that is not there, where the section begins.
+  [[nodiscard]] Place place_of(std::string_view key) const {
+    const Field* field = find(key);
+    return field != nullptr && !field->values.empty() ? field->values.front().place : place_;
+  }
+
   /// A driver's own complaint about a key: "robot.cfg:4:10: 'wheels' must be three or four angles".
   [[nodiscard]] ConfigError error(std::string_view key, const std::string& text) const {
-    const Field* field = find(key);
-    const bool has_value = field != nullptr && !field->values.empty();
-    return {has_value ? field->values.front().place : place_, quoted(key) + " " + text};
+    return {place_of(key), quoted(key) + " " + text};
   }
 
   /// Throws for the first key that nobody asked for. Call it when all readers had their turn.

@@ -70,6 +70,7 @@ class DriverHost {
   /// Bring everything to rest, tell why, and close.
   void shut_down(Time now);
   [[nodiscard]] std::span<const int> descriptors() const;
+  void notify_users() const;
 
   // Any thread.
 
@@ -77,7 +78,7 @@ class DriverHost {
   [[nodiscard]] const Wakeup& wakeup() const { return wakeup_; }
   [[nodiscard]] const HostMetrics& metrics() const { return metrics_; }
   [[nodiscard]] double rate_hz() const { return options_.rate_hz; }
-  /// Since when a call of the driver has not returned; nothing when it is not in one.
+  /// Since when a call of the driver, other than open(), has not returned; nothing when it is not in one.
   [[nodiscard]] std::optional<Time> busy_since() const;
   /// The driver hangs: stop its hardware by the way around it, and treat it as failed when it returns.
   /// False: it has no such way.

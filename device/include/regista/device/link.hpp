@@ -23,6 +23,13 @@ struct ReplyTo {
   std::uint32_t sequence = 0;
 };
 
+/// Who a session is, for others to read, and how its wish to drive weighs. Goes down before its first command.
+struct Identity {
+  std::string name;
+  std::int32_t priority = 10;
+  bool extended = false;  ///< sends keep-alives for its destinations
+};
+
 /// A session is no more: what it drove comes to rest, what it had open is closed.
 struct Gone {};
 
@@ -32,7 +39,7 @@ struct Inbound {
   std::size_t port = 0;  ///< which of the driver's ports
   Time arrived;
   ReplyTo reply_to{};  ///< of a request
-  std::variant<AnyCommand, AnyRequest, Gone> message;
+  std::variant<AnyCommand, AnyRequest, Identity, Gone> message;
 };
 
 struct Sample {

@@ -23,13 +23,6 @@ struct MotionPolicy {
   double turn_ramp = std::numeric_limits<double>::infinity();              ///< [rad/s²], of a stop
 };
 
-/// Who a session is, for others to read.
-struct Identity {
-  std::string name;
-  std::int32_t priority = 10;
-  bool extended = false;  ///< sends keep-alives
-};
-
 /// What a change of motion is called: for the log, the events and the state that everybody can read.
 using Tell = std::function<void(std::uint8_t severity, const std::string& text)>;
 

@@ -81,8 +81,8 @@ using AnyData = detail::AnyOf<Kind::data>;        ///< what comes up from a driv
 using AnyCommand = detail::AnyOf<Kind::command>;  ///< what goes down to a driver
 using AnyRequest = detail::AnyOf<Kind::request>;  ///< what goes down and wants an answer
 /// What comes up in answer to a request that succeeded.
-using AnyReply = typename detail::VariantOf<typename detail::RepliesOf<
-    TypeList<Empty>, typename detail::OfKind<Kind::request, AllMessages>::Type>::Type>::Type;
+using AnyReply = typename detail::VariantOf<
+    typename detail::RepliesOf<TypeList<Empty>, typename detail::OfKind<Kind::request, AllMessages>::Type>::Type>::Type;
 
 /// Call `visit.template operator()<M>()` for each message M of a list, until one returns true. Whether one did.
 template <typename... Ms, typename Visit>
