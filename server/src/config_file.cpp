@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <regista/server/config_file.hpp>
-#include <set>
 #include <utility>
 
 namespace regista {
@@ -21,6 +23,13 @@ constexpr std::size_t max_keys = 256;
 constexpr std::size_t file_cost = 4096;
 constexpr std::size_t section_cost = 256;
 constexpr std::size_t value_cost = 64;
+
+struct Unit {
+  std::string_view name;
+  double factor;  ///< to SI
+};
+constexpr std::array length_units{Unit{"m", 1}, Unit{"cm", 0.01}, Unit{"mm", 0.001}};
+constexpr std::array angle_units{Unit{"degrees", std::numbers::pi / 180}, Unit{"radians", 1}};
 
 // The characters of Player's grammar; <cctype> depends on the locale.
 constexpr bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
@@ -297,8 +306,6 @@ class Parser {
   }
 
   Token parse_field(Lexer& lexer, Section& section, const Token& key, const Token& first) {
-    if (section.fields().size() >= max_keys)
-      throw ConfigError{key.place, "more than " + std::to_string(max_keys) + " keys in one section"};
     if (!begins_value(key, first)) throw ConfigError{key.place, no_value(key, first)};
     Section::Field field{.key = std::string{key.text}, .place = key.place, .values = {}};
     if (first.type == Token::Type::open_tuple) {
@@ -307,6 +314,8 @@ class Parser {
       field.values.push_back(parse_value(first));
     }
     section.add(std::move(field));
+    if (section.fields().size() > max_keys)
+      throw ConfigError{key.place, "more than " + std::to_string(max_keys) + " keys in one section"};
     const Token behind = lexer.next();
     const bool is_loose = behind.type == Token::Type::number || behind.type == Token::Type::string;
     if (is_loose && behind.place.line == first.place.line && first.type != Token::Type::open_tuple)
@@ -353,16 +362,18 @@ class Parser {
   [[nodiscard]] Units read_units() const {
     Units units;
     const std::string length = globals_.text("unit_length", "m");
-    if (length == "cm") units.metres = 0.01;
-    if (length == "mm") units.metres = 0.001;
-    if (length != "m" && units.metres == 1)
+    const auto* length_unit = std::ranges::find(length_units, length, &Unit::name);
+    if (length_unit == length_units.end())
       throw globals_.error("unit_length", "must be \"m\", \"cm\" or \"mm\", not \"" + length + "\"");
-    units.length_name = units.metres == 1 ? "m" : units.metres == 0.01 ? "cm" : "mm";
+    units.metres = length_unit->factor;
+    units.length_name = length_unit->name;
 
     const std::string angle = globals_.text("unit_angle", "degrees");
-    if (angle != "degrees" && angle != "radians")
+    const auto* angle_unit = std::ranges::find(angle_units, angle, &Unit::name);
+    if (angle_unit == angle_units.end())
       throw globals_.error("unit_angle", "must be \"degrees\" or \"radians\", not \"" + angle + "\"");
-    if (angle == "radians") units = {units.metres, units.length_name, 1, "radians"};
+    units.radians = angle_unit->factor;
+    units.angle_name = angle_unit->name;
     globals_.check_unused();
     return units;
   }
