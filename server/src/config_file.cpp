@@ -276,9 +276,10 @@ class Parser {
         throw ConfigError{type.place, "section " + in_quotes(type.text) + " is not closed: add ')'"};
       require_key(token);
       const Token second = lexer.next();
-      if (second.type == Token::Type::open)
+      if (second.type == Token::Type::open) {
         throw ConfigError{token.place, in_quotes(token.text) + " begins inside of section " + in_quotes(type.text) +
                                            ", opened at " + to_string(type.place) + ": is a ')' missing?"};
+      }
       if (token.text == "include" || token.text == "define")
         throw ConfigError{token.place, in_quotes(token.text) + " must stand outside of sections"};
       token = parse_field(lexer, section, token, second);
@@ -289,9 +290,10 @@ class Parser {
   /// Empty, or with what its template sets.
   Section begin_section(const Token& type) {
     charge(section_cost, type.place);
-    if (type.text == "interface")
+    if (type.text == "interface") {
       throw ConfigError{type.place,
                         "interface plugins are not loaded; a driver sends data of its own through 'opaque:0'"};
+    }
     if (is_section(type.text)) return {std::string{type.text}, type.place};
     const auto found = templates_.find(type.text);
     if (found == templates_.end()) throw ConfigError{type.place, unknown_section(type.text)};
@@ -364,14 +366,14 @@ class Parser {
     const std::string length = globals_.text("unit_length", "m");
     const auto* length_unit = std::ranges::find(length_units, length, &Unit::name);
     if (length_unit == length_units.end())
-      throw globals_.error("unit_length", "must be \"m\", \"cm\" or \"mm\", not \"" + length + "\"");
+      throw globals_.error("unit_length", R"(must be "m", "cm" or "mm", not ")" + length + '"');
     units.metres = length_unit->factor;
     units.length_name = length_unit->name;
 
     const std::string angle = globals_.text("unit_angle", "degrees");
     const auto* angle_unit = std::ranges::find(angle_units, angle, &Unit::name);
     if (angle_unit == angle_units.end())
-      throw globals_.error("unit_angle", "must be \"degrees\" or \"radians\", not \"" + angle + "\"");
+      throw globals_.error("unit_angle", R"(must be "degrees" or "radians", not ")" + angle + '"');
     units.radians = angle_unit->factor;
     units.angle_name = angle_unit->name;
     globals_.check_unused();
@@ -386,7 +388,7 @@ class Parser {
   [[nodiscard]] std::string unknown_section(std::string_view type) const {
     std::vector<std::string> known{"driver", "server"};
     for (const auto& [name, section] : templates_) known.push_back(name);
-    std::string text = "unknown section " + in_quotes(type);
+    const std::string text = "unknown section " + in_quotes(type);
     if (const std::string hint = did_you_mean(type, known); !hint.empty()) return text + hint;
     return text + "; known are 'driver', 'server' and what define has named before";
   }

@@ -209,8 +209,8 @@ TEST(ConfigFile, says_what_is_wrong_where_and_how_to_mend_it) {
            {"define driver driver()", "1:8: 'driver' is a word of the language: choose another name"},
            {"define a driver()\ndefine a driver()", "2:8: 'a' is already defined at robot.cfg:1:10"},
            {"define a drver()", "1:10: unknown section 'drver'; did you mean 'driver'?"},
-           {"unit_length \"inch\"", "1:13: 'unit_length' must be \"m\", \"cm\" or \"mm\", not \"inch\""},
-           {"unit_angle \"grad\"", "1:12: 'unit_angle' must be \"degrees\" or \"radians\", not \"grad\""},
+           {"unit_length \"inch\"", R"(1:13: 'unit_length' must be "m", "cm" or "mm", not "inch")"},
+           {"unit_angle \"grad\"", R"(1:12: 'unit_angle' must be "degrees" or "radians", not "grad")"},
            {"unit_lenght \"cm\"", "1:1: unknown key 'unit_lenght'; did you mean 'unit_length'?"},
        })
     EXPECT_EQ(complaint(text), std::string{"robot.cfg:"} + error) << text;
