@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <regista/server/config_file.hpp>
-#include <set>
 #include <utility>
 
 namespace regista {
@@ -21,6 +23,13 @@ constexpr std::size_t max_keys = 256;
 constexpr std::size_t file_cost = 4096;
 constexpr std::size_t section_cost = 256;
 constexpr std::size_t value_cost = 64;
+
+struct Unit {
+  std::string_view name;
+  double factor;  ///< to SI
+};
+constexpr std::array length_units{Unit{"m", 1}, Unit{"cm", 0.01}, Unit{"mm", 0.001}};
+constexpr std::array angle_units{Unit{"degrees", std::numbers::pi / 180}, Unit{"radians", 1}};
 
 // The characters of Player's grammar; <cctype> depends on the locale.
 constexpr bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
@@ -267,9 +276,10 @@ class Parser {
         throw ConfigError{type.place, "section " + in_quotes(type.text) + " is not closed: add ')'"};
       require_key(token);
       const Token second = lexer.next();
-      if (second.type == Token::Type::open)
+      if (second.type == Token::Type::open) {
         throw ConfigError{token.place, in_quotes(token.text) + " begins inside of section " + in_quotes(type.text) +
                                            ", opened at " + to_string(type.place) + ": is a ')' missing?"};
+      }
       if (token.text == "include" || token.text == "define")
         throw ConfigError{token.place, in_quotes(token.text) + " must stand outside of sections"};
       token = parse_field(lexer, section, token, second);
@@ -280,9 +290,10 @@ class Parser {
   /// Empty, or with what its template sets.
   Section begin_section(const Token& type) {
     charge(section_cost, type.place);
-    if (type.text == "interface")
+    if (type.text == "interface") {
       throw ConfigError{type.place,
                         "interface plugins are not loaded; a driver sends data of its own through 'opaque:0'"};
+    }
     if (is_section(type.text)) return {std::string{type.text}, type.place};
     const auto found = templates_.find(type.text);
     if (found == templates_.end()) throw ConfigError{type.place, unknown_section(type.text)};
@@ -297,8 +308,6 @@ class Parser {
   }
 
   Token parse_field(Lexer& lexer, Section& section, const Token& key, const Token& first) {
-    if (section.fields().size() >= max_keys)
-      throw ConfigError{key.place, "more than " + std::to_string(max_keys) + " keys in one section"};
     if (!begins_value(key, first)) throw ConfigError{key.place, no_value(key, first)};
     Section::Field field{.key = std::string{key.text}, .place = key.place, .values = {}};
     if (first.type == Token::Type::open_tuple) {
@@ -307,6 +316,8 @@ class Parser {
       field.values.push_back(parse_value(first));
     }
     section.add(std::move(field));
+    if (section.fields().size() > max_keys)
+      throw ConfigError{key.place, "more than " + std::to_string(max_keys) + " keys in one section"};
     const Token behind = lexer.next();
     const bool is_loose = behind.type == Token::Type::number || behind.type == Token::Type::string;
     if (is_loose && behind.place.line == first.place.line && first.type != Token::Type::open_tuple)
@@ -353,16 +364,18 @@ class Parser {
   [[nodiscard]] Units read_units() const {
     Units units;
     const std::string length = globals_.text("unit_length", "m");
-    if (length == "cm") units.metres = 0.01;
-    if (length == "mm") units.metres = 0.001;
-    if (length != "m" && units.metres == 1)
-      throw globals_.error("unit_length", "must be \"m\", \"cm\" or \"mm\", not \"" + length + "\"");
-    units.length_name = units.metres == 1 ? "m" : units.metres == 0.01 ? "cm" : "mm";
+    const auto* length_unit = std::ranges::find(length_units, length, &Unit::name);
+    if (length_unit == length_units.end())
+      throw globals_.error("unit_length", R"(must be "m", "cm" or "mm", not ")" + length + '"');
+    units.metres = length_unit->factor;
+    units.length_name = length_unit->name;
 
     const std::string angle = globals_.text("unit_angle", "degrees");
-    if (angle != "degrees" && angle != "radians")
-      throw globals_.error("unit_angle", "must be \"degrees\" or \"radians\", not \"" + angle + "\"");
-    if (angle == "radians") units = {units.metres, units.length_name, 1, "radians"};
+    const auto* angle_unit = std::ranges::find(angle_units, angle, &Unit::name);
+    if (angle_unit == angle_units.end())
+      throw globals_.error("unit_angle", R"(must be "degrees" or "radians", not ")" + angle + '"');
+    units.radians = angle_unit->factor;
+    units.angle_name = angle_unit->name;
     globals_.check_unused();
     return units;
   }
@@ -375,7 +388,7 @@ class Parser {
   [[nodiscard]] std::string unknown_section(std::string_view type) const {
     std::vector<std::string> known{"driver", "server"};
     for (const auto& [name, section] : templates_) known.push_back(name);
-    std::string text = "unknown section " + in_quotes(type);
+    const std::string text = "unknown section " + in_quotes(type);
     if (const std::string hint = did_you_mean(type, known); !hint.empty()) return text + hint;
     return text + "; known are 'driver', 'server' and what define has named before";
   }

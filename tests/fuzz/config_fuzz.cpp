@@ -50,10 +50,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const regista::Section& driver : config.drivers) {
       try {
         read_as_driver(driver);
-      } catch (const regista::ConfigError&) {
+      } catch (const regista::ConfigError&) {  // NOLINT(bugprone-empty-catch): a refusal is a good answer
       }
     }
-  } catch (const regista::ConfigError&) {
+  } catch (const regista::ConfigError&) {  // NOLINT(bugprone-empty-catch): likewise
   }
   return 0;
 }

@@ -209,8 +209,8 @@ TEST(ConfigFile, says_what_is_wrong_where_and_how_to_mend_it) {
            {"define driver driver()", "1:8: 'driver' is a word of the language: choose another name"},
            {"define a driver()\ndefine a driver()", "2:8: 'a' is already defined at robot.cfg:1:10"},
            {"define a drver()", "1:10: unknown section 'drver'; did you mean 'driver'?"},
-           {"unit_length \"inch\"", "1:13: 'unit_length' must be \"m\", \"cm\" or \"mm\", not \"inch\""},
-           {"unit_angle \"grad\"", "1:12: 'unit_angle' must be \"degrees\" or \"radians\", not \"grad\""},
+           {"unit_length \"inch\"", R"(1:13: 'unit_length' must be "m", "cm" or "mm", not "inch")"},
+           {"unit_angle \"grad\"", R"(1:12: 'unit_angle' must be "degrees" or "radians", not "grad")"},
            {"unit_lenght \"cm\"", "1:1: unknown key 'unit_lenght'; did you mean 'unit_length'?"},
        })
     EXPECT_EQ(complaint(text), std::string{"robot.cfg:"} + error) << text;
@@ -248,9 +248,10 @@ TEST(ConfigFile, ends_at_its_limits) {
 
   EXPECT_EQ(complaint(std::string((1 << 20) + 1, ' ')), "robot.cfg: longer than 1 MiB");
 
-  std::string keys = "driver(";
-  for (int i = 0; i <= 256; ++i) keys += "\nkey" + std::to_string(i) + " 1";
-  EXPECT_EQ(complaint(keys + ")"), "robot.cfg:258:1: more than 256 keys in one section");
+  std::string keys = "(";
+  for (int i = 0; i < 256; ++i) keys += "\nkey" + std::to_string(i) + " 1";
+  EXPECT_EQ(complaint("define full driver" + keys + ")\nfull( key7 2 )"), "(none)");
+  EXPECT_EQ(complaint("driver" + keys + "\nkey256 1)"), "robot.cfg:258:1: more than 256 keys in one section");
 
   // Each file includes the next one twice: without a limit, 2^15 files.
   Files wide;
@@ -286,6 +287,21 @@ TEST(ReadConfig, names_a_file_that_it_cannot_read) {
   };
   EXPECT_EQ(error("nowhere/robot.cfg"), "nowhere/robot.cfg: No such file or directory");
   EXPECT_EQ(error(TEST_DATA), TEST_DATA ": Is a directory");
+}
+
+TEST(ParseConfig, reads_the_example_of_the_documentation) {
+  const std::string page = *load_file(std::filesystem::path{TEST_DATA} / ".." / ".." / "docs" / "configuration.md");
+  const std::size_t begin = page.find("# robot.cfg:");
+  ASSERT_NE(begin, std::string::npos);
+  const ConfigFile config = parse(page.substr(begin, page.find("```", begin) - begin), {{"parts/wheels.cfg", ""}});
+  ASSERT_EQ(config.drivers.size(), 2);
+  const Section& base = config.drivers[0];
+  EXPECT_EQ(base.number("rate"), 250);
+  EXPECT_DOUBLE_EQ(base.length("radius"), 0.09);
+  EXPECT_DOUBLE_EQ(base.angles("wheels").at(2), 210 * std::numbers::pi / 180);
+  EXPECT_EQ(base.device_names("provides").at(0).name.key, "output");
+  EXPECT_EQ(config.drivers[1].text("plugin"), "libregista_waypoint");
+  EXPECT_EQ(config.server.text("listen"), "127.0.0.1");
 }
 
 /// tests/data/config/bad: the first line of each file is a comment that says what the complaint must be.

@@ -154,6 +154,7 @@ class Section {
   [[nodiscard]] std::vector<std::string> texts(std::string_view key) const {
     std::vector<std::string> result;
     const Field& field = require(key);
+    result.reserve(field.values.size());
     for (const Value& value : field.values) result.push_back(string(field, value));
     return result;
   }
@@ -312,6 +313,7 @@ class Section {
   [[nodiscard]] static std::vector<double> all_scaled(const Field& field, double scale, std::string_view unit,
                                                       Range range) {
     std::vector<double> result;
+    result.reserve(field.values.size());
     for (const Value& value : field.values) result.push_back(scaled(field, value, scale, unit, range));
     return result;
   }
