@@ -75,6 +75,7 @@ class DriverHost {
   // Any thread.
 
   [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] const Section& config() const { return setup_->config; }
   [[nodiscard]] const Wakeup& wakeup() const { return wakeup_; }
   [[nodiscard]] const HostMetrics& metrics() const { return metrics_; }
   [[nodiscard]] double rate_hz() const { return options_.rate_hz; }
