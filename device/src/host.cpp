@@ -18,6 +18,9 @@ constexpr std::string_view opening = "open";  // the call that may block
 constexpr Duration refusal_interval = 5s;
 // Without a beat of its own a driver's leases and ramps are looked after at this period.
 constexpr Duration motion_period = 10ms;
+constexpr Duration subscription_interval = 1s;  // between attempts
+// Half of the shortest lease: what a driver sent to another one stays valid while its own thread goes round.
+constexpr Duration keep_alive_interval = 50ms;
 
 template <typename... Fs>
 struct Overloaded : Fs... {
@@ -99,7 +102,8 @@ Link& DriverHost::add_link(const Wakeup* woken) {
   for (const PortCore& port : setup_->ports) {
     auto& commands = channel.command_lanes.emplace_back();
     for_each_alternative<AnyCommand>([&]<typename M>(std::size_t alternative) {
-      const bool coalesces = M::message.interface == port.interface && M::message.flow == Flow::set_point;
+      const bool known = M::message.interface == port.interface || std::same_as<M, player::KeepAlive>;
+      const bool coalesces = known && M::message.flow == Flow::set_point;
       commands[alternative] = coalesces ? channel.link.down.add_lane() : no_lane;
     });
   }
@@ -150,6 +154,7 @@ bool DriverHost::survives(std::string_view what, Call&& call) {
 Time DriverHost::cycle(Time now, bool descriptor_ready) {
   now_ = now;
   for (PortCore& port : setup_->ports) port.now = now;
+  for (RequiredCore& device : setup_->required) device.now = now;
   if (given_up_.exchange(false, std::memory_order_acq_rel)) fault("hung and came back");
 
   for (std::size_t number = 0; number < channels_.size(); ++number) {
@@ -172,6 +177,7 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
   run_motion();
   if (open_ && (descriptor_ready || now >= next_beat_)) beat();
   publish_changed_motion();
+  for (RequiredCore& device : setup_->required) attend(device, open_);
 
   for (Channel& channel : channels_) {
     if (std::exchange(channel.dirty, false) || channel.link.up.size() > 0) channel.link.user->notify();
@@ -184,6 +190,10 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
   }
   for (const Channel& channel : channels_) {
     if (!channel.backlog.empty()) due = std::min(due, now + motion_period);
+  }
+  for (const RequiredCore& device : setup_->required) {
+    const bool busy = open_ ? !device.connected || device.commanded : device.subscription != 0;
+    if (device.link != nullptr && busy) due = std::min(due, device.due);
   }
   return due;
 }
@@ -424,6 +434,49 @@ void DriverHost::receive(RequiredCore& device) {
   });
 }
 
+/// Keep what was joined: subscribed while the driver is open, and shown that it is alive.
+void DriverHost::attend(RequiredCore& device, bool open) {
+  if (device.link == nullptr) return;
+  if (!open) {
+    device.connected = false;
+    device.commanded = false;
+    if (device.subscription == 0) return;
+    if (device.post(no_lane, AnyRequest{player::Subscribe{.access = player::Access::close}})) device.subscription = 0;
+    device.due = now_ + subscription_interval;
+    return;
+  }
+  if (device.subscription != 0 && now_ < device.due) return;
+  if (device.connected) {
+    device.due = now_ + keep_alive_interval;
+    const AnyCommand alive{player::KeepAlive{}};
+    if (device.commanded) (void)device.post(device.lanes[alive.index()], alive);
+    return;
+  }
+  device.due = now_ + subscription_interval;
+  if (device.waiting.contains(device.subscription)) return;  // the provider is still opening
+  const std::uint32_t number = ++device.requests_sent;
+  const bool asked =
+      device.post(no_lane, AnyRequest{player::Identify{.name = name_, .priority = options_.priority}}) &&
+      device.post(no_lane, AnyRequest{player::Subscribe{}}, {.session = device.session, .sequence = number});
+  if (!asked) return;
+  device.subscription = number;
+  device.waiting.emplace(number, [&device, number](const Result<AnyReply>& answer) {
+    device.connected = answer && device.subscription == number;
+    if (device.connected) device.due = device.now;
+  });
+}
+
+void join(DriverHost& consumer, RequiredCore& required, DriverHost& provider, std::size_t port, SessionId session) {
+  Link& link = provider.add_link(&consumer.wakeup());
+  required.link = &link;
+  required.port = port;
+  required.session = session;
+  required.provider = &provider.wakeup();
+  for_each_alternative<AnyCommand>([&]<typename M>(std::size_t alternative) {
+    required.lanes[alternative] = provider.lane(link, port, AnyCommand{std::in_place_type<M>});
+  });
+}
+
 void DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
   Result<> done;
   if (survives("command", [&] { done = port.commands[command.index()](command); }) && !done) {
@@ -469,6 +522,8 @@ void DriverHost::beat() {
 }
 
 Result<> DriverHost::try_open() {
+  // First, so that open() may ask them.
+  for (RequiredCore& device : setup_->required) attend(device, true);
   Result<> opened;
   if (!survives(opening, [&] { opened = driver_->open(); })) {
     return Error{std::errc::state_not_recoverable, fault_text_};
@@ -527,6 +582,7 @@ void DriverHost::shut_down(Time now) {
   driver_->halt();
   if (open_) driver_->close();
   open_ = false;
+  for (RequiredCore& device : setup_->required) attend(device, false);
 }
 
 void DriverHost::notify_users() const {

@@ -40,6 +40,7 @@ struct HostMetrics {
 struct HostOptions {
   double rate_hz = 50;
   bool always_on = false;
+  std::int32_t priority = 10;        ///< with which the driver commands the devices that it requires
   std::vector<MotionPolicy> motion;  ///< one for each port
 };
 
@@ -58,7 +59,8 @@ class DriverHost {
 
   // Before the first cycle.
 
-  /// Join a user of this driver's devices; `woken` when something is put up.
+  /// Join a user of this driver's devices; `woken` when something is put up. The first link is the network's: it is told
+  /// events and motion.
   Link& add_link(const Wakeup* woken);
   /// The lane of a set-point in a link's down queue.
   [[nodiscard]] std::size_t lane(const Link& link, std::size_t port, const AnyCommand& command) const;
@@ -110,7 +112,8 @@ class DriverHost {
   Result<AnyReply> subscribe(Channel& channel, const Inbound& inbound, const player::Subscribe& request);
   Result<AnyReply> property(const AnyRequest& request);
   void gone(Channel& channel, SessionId session);
-  void receive(RequiredCore& required);
+  void receive(RequiredCore& device);
+  void attend(RequiredCore& device, bool open);
   void call_handler(PortCore& port, const AnyCommand& command);
   void tell_driver(PortState& state, PortCore& port);
   void run_motion();
@@ -153,6 +156,11 @@ class DriverHost {
   std::atomic<Time::rep> busy_since_{0};
   std::atomic<bool> given_up_{false};
 };
+
+/// Let `required`, a device that the driver of `consumer` stands on, be the provider's port number `port`. Once each,
+/// after the network's link was added and before either host's first cycle. Neither host may be destroyed while the
+/// other one's thread runs.
+void join(DriverHost& consumer, RequiredCore& required, DriverHost& provider, std::size_t port, SessionId session);
 
 /// Gives a host a thread and its wake-ups: messages, descriptors, the beat.
 class HostThread {

@@ -11,22 +11,28 @@ struct RequiredCore {
   std::string key;
   std::uint16_t interface = 0;
   std::uint16_t index = 0;
-
-  Link* link = nullptr;    ///< to the provider's host; null until the server joined them
-  std::size_t port = 0;    ///< which of the provider's ports
   std::size_t number = 0;  ///< among this driver's required devices
-  SessionId session = 0;   ///< under which this driver commands
+
+  // Set by join().
+  Link* link = nullptr;   ///< to the provider's host
+  std::size_t port = 0;   ///< which of the provider's ports
+  SessionId session = 0;  ///< under which this driver commands
   const Wakeup* provider = nullptr;
   std::array<std::size_t, std::variant_size_v<AnyCommand>> lanes{};
+
+  // The consumer's host's.
+  Time now;                        ///< of its cycle: when what is sent is sent
+  Time due;                        ///< of the next attempt to subscribe, or of the next keep-alive
+  std::uint32_t subscription = 0;  ///< number of the last attempt; 0: closed
   bool connected = false;
+  bool commanded = false;  ///< something was sent since the subscription: it takes keep-alives
 
   std::array<std::function<void(const AnyData&, Time)>, std::variant_size_v<AnyData>> data;
   std::map<std::uint32_t, std::function<void(const Result<AnyReply>&)>> waiting;  ///< requests by number
   std::uint32_t requests_sent = 0;
-  std::function<void(bool)> on_connection;
 
   template <typename Message>
-  bool post(std::size_t lane, Message&& message, const ReplyTo& to, Time now) {
+  bool post(std::size_t lane, Message&& message, const ReplyTo& to = {}) {
     if (link == nullptr) return false;
     const bool posted = link->down.put(lane, [&](Inbound& inbound) {
       inbound.session = session;
@@ -62,8 +68,8 @@ class Required {
   bool send(const M& command) {
     static_assert(detail::contains<M, typename I::Messages>, "a command of another interface");
     const AnyCommand any{command};
-    return core_->post(M::message.flow == Flow::set_point ? core_->lanes[any.index()] : Mailbox<Inbound, 256>::no_lane,
-                       any, {}, Clock::now());
+    core_->commanded = true;
+    return core_->post(core_->lanes[any.index()], any);
   }
 
   /// Ask the device; `handle(const Result<M::Reply>&)` has the answer, once. Not when this returns false: queue full.
@@ -75,7 +81,7 @@ class Required {
                      .address = {.interface = core_->interface, .index = core_->index},
                      .subtype = M::message.subtype,
                      .sequence = number};
-    if (!core_->post(Mailbox<Inbound, 256>::no_lane, AnyRequest{request}, to, Clock::now())) return false;
+    if (!core_->post(Mailbox<Inbound, 256>::no_lane, AnyRequest{request}, to)) return false;
     core_->waiting.emplace(number, [handle = std::move(handle)](const Result<AnyReply>& answer) mutable {
       if (!answer) {
         handle(Result<typename M::Reply>{answer.error()});
@@ -86,7 +92,8 @@ class Required {
     return true;
   }
 
-  /// The device's driver has opened and its data may be expected.
+  /// The device accepted the subscription that the host made before open(). It may fail later and come back: what
+  /// tells is the age of its data.
   [[nodiscard]] bool connected() const { return core_->connected; }
 
  private:
