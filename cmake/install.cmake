@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# The package: find_package(regista) gives regista::core and every other floor.
+# The package: find_package(regista) gives regista::core and every other floor, and regista_driver().
 
 include(CMakePackageConfigHelpers)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/regista)
@@ -8,5 +8,5 @@ configure_package_config_file(cmake/regista-config.cmake.in ${PROJECT_BINARY_DIR
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/regista-config-version.cmake COMPATIBILITY SameMinorVersion)
 install(EXPORT regista NAMESPACE regista:: FILE regista-targets.cmake DESTINATION ${package})
 install(FILES ${PROJECT_BINARY_DIR}/regista-config.cmake ${PROJECT_BINARY_DIR}/regista-config-version.cmake
-        DESTINATION ${package})
+              cmake/driver.cmake cmake/plugin.map DESTINATION ${package})
 install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -36,3 +36,6 @@ struct Plugin {
 };
 
 }  // namespace regista
+
+/// Said here, so that it is visible from outside of a plugin however that is compiled, and of the right type.
+extern "C" [[gnu::visibility("default")]] const regista::Plugin regista_plugin;
