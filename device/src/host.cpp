@@ -456,7 +456,7 @@ void DriverHost::attend(RequiredCore& device, bool open) {
   if (device.waiting.contains(device.subscription)) return;  // the provider is still opening
   const std::uint32_t number = ++device.requests_sent;
   const bool asked =
-      device.post(no_lane, AnyRequest{player::Identify{.name = name_, .priority = options_.priority}}) &&
+      device.post(no_lane, Identity{.name = name_, .priority = options_.priority, .extended = true}) &&
       device.post(no_lane, AnyRequest{player::Subscribe{}}, {.session = device.session, .sequence = number});
   if (!asked) return;
   device.subscription = number;

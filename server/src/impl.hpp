@@ -39,9 +39,9 @@ class Server::Impl final : public SessionOwner {
   struct PortNotes {
     Device device;
     std::vector<Session*> subscribers;
-    double last_stamp_s = 0;                           ///< of data: strictly increasing
+    double last_stamp_s = 0;                                    ///< of data: strictly increasing
     std::map<std::string, player::Motion, std::less<>> motion;  ///< by command group
-    std::uint64_t commands_dropped = 0;                ///< of clients that had not subscribed, or to a full queue
+    std::uint64_t commands_dropped = 0;  ///< of clients that had not subscribed, or to a full queue
   };
   struct Hosted {
     std::size_t number = 0;
@@ -142,7 +142,8 @@ class Server::Impl final : public SessionOwner {
   bool all_stopped_ = false;
   AnyCommand command_;              ///< scratch, so that its memory is used again
   std::vector<std::byte> encoded_;  ///< scratch
-  std::vector<std::byte> encoded_data_;  ///< scratch; its own, because delivering data may close a client, which is told
+  std::vector<std::byte>
+      encoded_data_;  ///< scratch; its own, because delivering data may close a client, which is told
 };
 
 }  // namespace regista

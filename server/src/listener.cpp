@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "listener.hpp"
 
+#include <asio/ip/v6_only.hpp>
+
 #include <filesystem>
 #include <fstream>
 #include <regista/server/server.hpp>
@@ -29,8 +31,7 @@ std::string holder_of(std::uint16_t port) {
       std::string slot, local, remote, state, queues, timer, retransmits, user, timeout, found;
       words >> slot >> local >> remote >> state >> queues >> timer >> retransmits >> user >> timeout >> found;
       const auto colon = local.rfind(':');
-      if (state == "0A" && colon != std::string::npos &&
-          std::stoul(local.substr(colon + 1), nullptr, 16) == port) {
+      if (state == "0A" && colon != std::string::npos && std::stoul(local.substr(colon + 1), nullptr, 16) == port) {
         inode = "socket:[" + found + "]";
       }
     }

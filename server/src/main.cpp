@@ -37,8 +37,9 @@ std::shared_ptr<spdlog::logger> make_logger(const Arguments& arguments) {
   // On a thread of its own, bounded, the oldest dropped: a full disk or a stopped terminal must not stop a robot.
   constexpr std::size_t most_messages = 8192;
   spdlog::init_thread_pool(most_messages, 1);
-  auto logger = std::make_shared<spdlog::async_logger>("regista", std::make_shared<spdlog::sinks::stderr_color_sink_mt>(),
-                                                       spdlog::thread_pool(), spdlog::async_overflow_policy::overrun_oldest);
+  auto logger =
+      std::make_shared<spdlog::async_logger>("regista", std::make_shared<spdlog::sinks::stderr_color_sink_mt>(),
+                                             spdlog::thread_pool(), spdlog::async_overflow_policy::overrun_oldest);
   logger->set_level(spdlog::level::from_str(arguments.log_level));
   if (arguments.json_log) logger->set_pattern(R"({"time":"%Y-%m-%dT%H:%M:%S.%f%z","level":"%l","message":%v})");
   return logger;
@@ -110,20 +111,23 @@ int serve(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Serve a robot's devices over TCP, to clients of Player 3.\n\n"
-               "  regista-server examples/sim.cfg\n"
-               "  regista-server --port 0 --log-level warning robot.cfg",
-               "regista-server"};
+  CLI::App app{
+      "Serve a robot's devices over TCP, to clients of Player 3.\n\n"
+      "  regista-server examples/sim.cfg\n"
+      "  regista-server --port 0 --log-level warning robot.cfg",
+      "regista-server"};
   Arguments arguments;
   app.set_version_flag("--version", "regista-server " REGISTA_VERSION);
   app.add_option("config", arguments.config, "The configuration, docs/configuration.md")->required();
   app.add_option("--port", arguments.port, "TCP port instead of the configuration's; 0: any free one");
-  app.add_option("--listen", arguments.listen, "Addresses to listen on instead of the configuration's (127.0.0.1 and ::1)");
+  app.add_option("--listen", arguments.listen,
+                 "Addresses to listen on instead of the configuration's (127.0.0.1 and ::1)");
   app.add_option("--plugins", arguments.plugin_folders, "Folders to look for plugins in, before the usual one");
   app.add_option("--log-level", arguments.log_level, "info, warning, error or off")
       ->check(CLI::IsMember({"info", "warning", "error", "off"}));
   app.add_flag("--json-log", arguments.json_log, "One JSON object a line on stderr");
-  app.add_flag("--check", arguments.check, "Read the configuration and make the drivers, move nothing, and say what is wrong");
+  app.add_flag("--check", arguments.check,
+               "Read the configuration and make the drivers, move nothing, and say what is wrong");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -20,13 +20,15 @@ bool is_server_request(const AnyRequest& request) {
 
 }  // namespace
 
-std::optional<Server::Impl::Target> Server::Impl::find(const Session& session, const player::DeviceAddress& address) const {
+std::optional<Server::Impl::Target> Server::Impl::find(const Session& session,
+                                                       const player::DeviceAddress& address) const {
   const auto found = devices_.find({session.local_port(), address.interface, address.index});
   return found == devices_.end() ? std::nullopt : std::optional{found->second};
 }
 
 xdr::Header Server::Impl::reply_header(const Session& session, const xdr::Header& request, Kind kind) const {
-  xdr::Header header{.address = request.address, .kind = kind, .subtype = request.subtype, .timestamp_s = epoch_s(Clock::now())};
+  xdr::Header header{
+      .address = request.address, .kind = kind, .subtype = request.subtype, .timestamp_s = epoch_s(Clock::now())};
   header.address.host = player_host;
   header.address.robot = session.local_port();
   // The stock server copies it back in its own replies; its drivers answer 0.
@@ -62,9 +64,12 @@ void Server::Impl::refuse(Session& session, const xdr::Header& request, const Er
 
 void Server::Impl::on_message(Session& session, const xdr::Frame& frame) {
   switch (frame.header.kind) {
-    case Kind::command: return on_command(session, frame);
-    case Kind::request: return on_request(session, frame);
-    default: ++session.messages_refused;  // clients have no data, and answer nothing
+    case Kind::command:
+      return on_command(session, frame);
+    case Kind::request:
+      return on_request(session, frame);
+    default:
+      ++session.messages_refused;  // clients have no data, and answer nothing
   }
 }
 
@@ -149,11 +154,13 @@ void Server::Impl::ask_driver(Session& session, const xdr::Header& header, const
     inbound.session = session.id();
     inbound.port = target.port;
     inbound.arrived = Clock::now();
-    inbound.reply_to = {.session = session.id(), .address = header.address, .subtype = header.subtype, .sequence = header.sequence};
+    inbound.reply_to = {
+        .session = session.id(), .address = header.address, .subtype = header.subtype, .sequence = header.sequence};
     inbound.message = std::move(request);
   });
   if (!posted) {
-    return refuse(session, header, {std::errc::device_or_resource_busy, "driver \"" + hosted.name + "\" is busy: its queue is full"});
+    return refuse(session, header,
+                  {std::errc::device_or_resource_busy, "driver \"" + hosted.name + "\" is busy: its queue is full"});
   }
   ++session.requests_waiting;
   hosted.host->wakeup().notify();
@@ -164,11 +171,13 @@ void Server::Impl::subscribe(Session& session, const xdr::Header& header, const 
   if (!target) {
     const std::string_view name = interface_name(request.address.interface);
     return refuse(session, header,
-                  {std::errc::no_such_device, (name.empty() ? "interface " + std::to_string(request.address.interface) : std::string{name}) +
-                                                  ':' + std::to_string(request.address.index) + " does not exist here"});
+                  {std::errc::no_such_device,
+                   (name.empty() ? "interface " + std::to_string(request.address.interface) : std::string{name}) + ':' +
+                       std::to_string(request.address.index) + " does not exist here"});
   }
-  must_deliver(drivers_[target->driver],
-               {.session = session.id(), .arrived = Clock::now(), .message = Identity{session.name, session.priority, session.extended}});
+  must_deliver(drivers_[target->driver], {.session = session.id(),
+                                          .arrived = Clock::now(),
+                                          .message = Identity{session.name, session.priority, session.extended}});
   ask_driver(session, header, *target, AnyRequest{request});
 }
 
@@ -182,7 +191,8 @@ void Server::Impl::ask_server(Session& session, const xdr::Header& header, AnyRe
     const std::optional<Target> target = find(session, address);
     return target ? &drivers_[target->driver].name : nullptr;
   };
-  if (const auto* subscription = std::get_if<player::Subscribe>(&request)) return subscribe(session, header, *subscription);
+  if (const auto* subscription = std::get_if<player::Subscribe>(&request))
+    return subscribe(session, header, *subscription);
   if (std::holds_alternative<player::GetData>(request)) {
     acknowledge(session, header, Empty{});
     return session.send_data();
@@ -240,7 +250,8 @@ void Server::Impl::ask_server(Session& session, const xdr::Header& header, AnyRe
     if (stop->address.interface != 0) return forward(stop->address);
     for (Hosted& hosted : drivers_) {
       for (std::size_t port = 0; port < hosted.ports.size(); ++port) {
-        must_deliver(hosted, {.session = session.id(), .port = port, .arrived = Clock::now(), .message = AnyRequest{*stop}});
+        must_deliver(hosted,
+                     {.session = session.id(), .port = port, .arrived = Clock::now(), .message = AnyRequest{*stop}});
       }
     }
     return acknowledge(session, header, Empty{});
@@ -331,10 +342,11 @@ void Server::Impl::on_sample(Hosted& hosted, const Sample& sample) {
   const Time now = Clock::now();
   std::visit(
       [&]<typename D>(const D& data) {
-        const xdr::Header header{.address = {player_host, port.device.tcp_port, port.device.interface, port.device.index},
-                                 .kind = Kind::data,
-                                 .subtype = D::message.subtype,
-                                 .timestamp_s = port.last_stamp_s};
+        const xdr::Header header{
+            .address = {player_host, port.device.tcp_port, port.device.interface, port.device.index},
+            .kind = Kind::data,
+            .subtype = D::message.subtype,
+            .timestamp_s = port.last_stamp_s};
         encoded_data_.resize(xdr::header_size + xdr::encoded_size(data));
         xdr::encode_message(header, data, encoded_data_);
         DataMessage message{encoded_data_, header.address, header.subtype};

@@ -29,7 +29,9 @@ bool Server::Impl::run() {
       return std::ranges::any_of(port.commands, [](const auto& handler) { return static_cast<bool>(handler); });
     });
     if (moves && !hosted.plugin->stops_by_itself) {
-      log(LogLevel::warning, "driver \"" + hosted.name + "\" has no hardware watchdog: if this server is killed, what it drives is not stopped");
+      log(LogLevel::warning,
+          "driver \"" + hosted.name +
+              "\" has no hardware watchdog: if this server is killed, what it drives is not stopped");
     }
     hosted.thread = std::make_unique<HostThread>(*hosted.host, realtime_);
   }
@@ -63,7 +65,8 @@ void Server::Impl::accept(asio::ip::tcp::socket socket) {
   if (error) return;  // gone already
   if (sessions_.size() >= max_clients_) {
     ++sessions_refused_;
-    log(LogLevel::warning, "client " + remote.address().to_string() + " refused: max_clients " + std::to_string(max_clients_) + " reached");
+    log(LogLevel::warning, "client " + remote.address().to_string() + " refused: max_clients " +
+                               std::to_string(max_clients_) + " reached");
     std::array<char, xdr::banner_size> refusal{};
     const std::string text = "Player v. refused: max_clients";
     std::ranges::copy(text, refusal.begin());
@@ -78,7 +81,7 @@ void Server::Impl::accept(asio::ip::tcp::socket socket) {
   const auto session = std::make_shared<Session>(*this, id, std::move(socket), limits_);
   sessions_.emplace(id, session);
   std::array<char, xdr::banner_size> banner{};
-  const std::string_view text = "Player v.3.1.0 (regista " REGISTA_VERSION ")";
+  constexpr std::string_view text = "Player v.3.1.0 (regista " REGISTA_VERSION ")";
   static_assert(text.size() < banner.size());
   std::ranges::copy(text, banner.begin());
   session->start({banner.data(), banner.size()});
@@ -96,7 +99,9 @@ void Server::Impl::housekeep() {
     pending += session->pending_bytes();
     if (largest == nullptr || session->pending_bytes() > largest->pending_bytes()) largest = session;
   }
-  if (pending > max_pending_) largest->close("the server holds " + std::to_string(pending >> 20) + " MiB for clients (max_pending), most for this one");
+  if (pending > max_pending_)
+    largest->close("the server holds " + std::to_string(pending >> 20) +
+                   " MiB for clients (max_pending), most for this one");
   for (Hosted& hosted : drivers_) {
     deliver_undelivered(hosted);
     watch(hosted, now);

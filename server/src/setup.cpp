@@ -41,7 +41,8 @@ Server::Impl::Impl(const ConfigFile& config, ServerOptions options)
   for (const Value& statement : config.plugins) plugins_.load(statement);
   for (const Section& section : config.drivers) make_driver(section);
   if (devices_.empty()) {
-    throw ConfigError{config.server.place(), "no device is offered: a driver needs `provides`, such as [\"position2d:0\"]"};
+    throw ConfigError{config.server.place(),
+                      "no device is offered: a driver needs `provides`, such as [\"position2d:0\"]"};
   }
   join_required();
   listen(config.server, options_);
@@ -53,9 +54,11 @@ Server::Impl::~Impl() {
 }
 
 void Server::Impl::read_server_section(const Section& section, const ServerOptions& options) {
-  default_port_ = options.port.value_or(static_cast<std::uint16_t>(section.integer("port", 6665, {.min = 0, .max = 65535})));
+  default_port_ =
+      options.port.value_or(static_cast<std::uint16_t>(section.integer("port", 6665, {.min = 0, .max = 65535})));
   max_clients_ = static_cast<std::size_t>(section.integer("max_clients", 2048, {.min = 1, .max = 100'000}));
-  limits_.max_message = static_cast<std::size_t>(section.integer("max_message", 1 << 20, {.min = 1024, .max = 8 << 20}));
+  limits_.max_message =
+      static_cast<std::size_t>(section.integer("max_message", 1 << 20, {.min = 1024, .max = 8 << 20}));
   max_pending_ = static_cast<std::size_t>(section.integer("max_pending", 256 << 20, {.min = 1 << 20, .max = 1 << 30}));
   hang_exit_ = section.duration("hang_exit", std::chrono::seconds{10}, {.min = 0.1, .max = 3600});
   realtime_ = static_cast<int>(section.integer("realtime", 0, {.min = 0, .max = 99}));
@@ -98,7 +101,8 @@ void Server::Impl::make_driver(const Section& section) {
     const auto found = std::ranges::find_if(provides, fits);
     if (found == provides.end()) continue;
     used[static_cast<std::size_t>(found - provides.begin())] = true;
-    if (!found->name.host.empty()) throw ConfigError{found->place, "a provided device has no host: it is on this server"};
+    if (!found->name.host.empty())
+      throw ConfigError{found->place, "a provided device has no host: it is on this server"};
     port.offered = true;
     port.index = found->name.index;
     port.tcp_port = found->name.port;
@@ -136,12 +140,14 @@ void Server::Impl::join_required() {
     for (RequiredCore& required : consumer.required()) {
       const auto found = std::ranges::find_if(names, [&](const PlacedName& p) {
         const auto n = static_cast<std::size_t>(&p - names.data());
-        return !used[n] && p.name.interface == required.interface && (required.key.empty() || p.name.key == required.key);
+        return !used[n] && p.name.interface == required.interface &&
+               (required.key.empty() || p.name.key == required.key);
       });
       if (found == names.end()) {
-        throw ConfigError{consumer.config().place_of("requires"),
-                          "driver '" + drivers_[i].name + "' needs a " + std::string{interface_name(required.interface)} +
-                              "; add it to `requires`, such as [\"" + address_text(required.interface, 0) + "\"]"};
+        throw ConfigError{consumer.config().place_of("requires"), "driver '" + drivers_[i].name + "' needs a " +
+                                                                      std::string{interface_name(required.interface)} +
+                                                                      "; add it to `requires`, such as [\"" +
+                                                                      address_text(required.interface, 0) + "\"]"};
       }
       used[static_cast<std::size_t>(found - names.begin())] = true;
       required.index = found->name.index;
@@ -163,7 +169,8 @@ void Server::Impl::join_required() {
     std::set<std::size_t> reached = stands_on[start];
     for (std::size_t size = 0; size != reached.size();) {
       size = reached.size();
-      for (const std::size_t below : std::set{reached}) reached.insert(stands_on[below].begin(), stands_on[below].end());
+      for (const std::size_t below : std::set{reached})
+        reached.insert(stands_on[below].begin(), stands_on[below].end());
     }
     if (reached.contains(start)) {
       throw ConfigError{drivers_[start].host->config().place_of("requires"),
@@ -184,16 +191,14 @@ void Server::Impl::listen(const Section& section, const ServerOptions& options) 
   for (const std::uint16_t port : ports) {
     for (const std::string& address : addresses) {
       const std::uint16_t wanted = actual.contains(port) ? actual[port] : port == 0 ? default_port_ : port;
-      listeners_.push_back(std::make_unique<Listener>(io_, address, wanted, [this](asio::ip::tcp::socket socket) {
-        accept(std::move(socket));
-      }));
+      listeners_.push_back(std::make_unique<Listener>(
+          io_, address, wanted, [this](asio::ip::tcp::socket socket) { accept(std::move(socket)); }));
       actual[port] = listeners_.back()->port();
     }
     if (by_default) {
       try {  // a machine without IPv6 is fine with IPv4 alone
-        listeners_.push_back(std::make_unique<Listener>(io_, "::1", actual[port], [this](asio::ip::tcp::socket socket) {
-          accept(std::move(socket));
-        }));
+        listeners_.push_back(std::make_unique<Listener>(
+            io_, "::1", actual[port], [this](asio::ip::tcp::socket socket) { accept(std::move(socket)); }));
       } catch (const ListenError&) {
         continue;
       }
@@ -208,9 +213,8 @@ void Server::Impl::listen(const Section& section, const ServerOptions& options) 
   devices_ = std::move(devices);
   if (section.has("metrics_port")) {
     const auto port = static_cast<std::uint16_t>(section.integer("metrics_port", {.min = 0, .max = 65535}));
-    metrics_listener_ = std::make_unique<Listener>(io_, "127.0.0.1", port, [this](asio::ip::tcp::socket socket) {
-      serve_metrics(std::move(socket));
-    });
+    metrics_listener_ = std::make_unique<Listener>(
+        io_, "127.0.0.1", port, [this](asio::ip::tcp::socket socket) { serve_metrics(std::move(socket)); });
   }
 }
 

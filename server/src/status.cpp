@@ -27,7 +27,8 @@ void expose(std::string& out, const std::string& name, const std::string& labels
       for (const char* key : {"id", "device", "name", "group"}) {
         if (!element.is_object() || !element.contains(key)) continue;
         const ordered_json& value = element[key];
-        label += (label.empty() ? "" : ",") + std::string{key} + '=' + (value.is_string() ? value.dump() : '"' + value.dump() + '"');
+        label += (label.empty() ? "" : ",") + std::string{key} + '=' +
+                 (value.is_string() ? value.dump() : '"' + value.dump() + '"');
       }
       expose(out, name, labels.empty() || label.empty() ? labels + label : labels + ',' + label, element);
     }
@@ -70,11 +71,12 @@ ordered_json Server::Impl::status(Time now) const {
                           {"lease_s", motion.lease_s},
                           {"reason", motion.reason.view()}});
       }
-      devices.push_back({{"device", std::string{interface_name(port.device.interface)} + ':' + std::to_string(port.device.index)},
-                         {"tcp_port", port.device.tcp_port},
-                         {"subscribers", port.subscribers.size()},
-                         {"commands_dropped", port.commands_dropped},
-                         {"motion", std::move(groups)}});
+      devices.push_back(
+          {{"device", std::string{interface_name(port.device.interface)} + ':' + std::to_string(port.device.index)},
+           {"tcp_port", port.device.tcp_port},
+           {"subscribers", port.subscribers.size()},
+           {"commands_dropped", port.commands_dropped},
+           {"motion", std::move(groups)}});
     }
     drivers.push_back({{"name", hosted.name},
                        {"open", metrics.open.load()},
@@ -82,27 +84,25 @@ ordered_json Server::Impl::status(Time now) const {
                        {"rate_hz", hosted.host->rate_hz()},
                        {"beats", metrics.beats.load()},
                        {"beats_missed", metrics.beats_missed.load()},
-                       {"jitter_us", {{"p50", microseconds(metrics.jitter.quantile(0.5))},
-                                      {"p99", microseconds(metrics.jitter.quantile(0.99))},
-                                      {"max", microseconds(metrics.jitter.quantile(1.0))}}},
+                       {"jitter_us",
+                        {{"p50", microseconds(metrics.jitter.quantile(0.5))},
+                         {"p99", microseconds(metrics.jitter.quantile(0.99))},
+                         {"max", microseconds(metrics.jitter.quantile(1.0))}}},
                        {"faults", metrics.faults.load()},
                        {"commands", metrics.commands.load()},
                        {"commands_refused", metrics.commands_refused.load()},
                        {"commands_clamped", metrics.commands_clamped.load()},
                        {"requests", metrics.requests.load()},
-                       {"queues", {{"down", hosted.link->down.size()},
-                                   {"down_replaced", hosted.link->down.replaced()},
-                                   {"down_refused", hosted.link->down.refused()},
-                                   {"up", hosted.link->up.size()},
-                                   {"up_replaced", hosted.link->up.replaced()}}},
+                       {"queues",
+                        {{"down", hosted.link->down.size()},
+                         {"down_replaced", hosted.link->down.replaced()},
+                         {"down_refused", hosted.link->down.refused()},
+                         {"up", hosted.link->up.size()},
+                         {"up_replaced", hosted.link->up.replaced()}}},
                        {"devices", std::move(devices)}});
   }
-  return {{"version", REGISTA_VERSION},
-          {"uptime_s", seconds(now - started_)},
-          {"clients_refused", sessions_refused_},
-          {"data_dropped", dropped},
-          {"clients", std::move(clients)},
-          {"drivers", std::move(drivers)}};
+  return {{"version", REGISTA_VERSION}, {"uptime_s", seconds(now - started_)}, {"clients_refused", sessions_refused_},
+          {"data_dropped", dropped},    {"clients", std::move(clients)},       {"drivers", std::move(drivers)}};
 }
 
 std::string Server::Impl::metrics(Time now) const {
