@@ -29,8 +29,8 @@ kicker::Limits read_limits(const Section& config) {
   return {.kick_speed_mps = static_cast<float>(config.length("kick_speed", 6.5, positive)),
           .chip_speed_mps = static_cast<float>(config.length("chip_speed", 4, positive)),
           .chip_angle_min_rad = static_cast<float>(chip_angle_min),
-          .chip_angle_max_rad = static_cast<float>(
-              config.angle("chip_angle_max", std::max(60 * degree, chip_angle_min), {.min = chip_angle_min, .max = upwards.max})),
+          .chip_angle_max_rad = static_cast<float>(config.angle("chip_angle_max", std::max(60 * degree, chip_angle_min),
+                                                                {.min = chip_angle_min, .max = upwards.max})),
           .dribbler_radps = static_cast<float>(config.angle("dribbler_speed", 300, positive))};
 }
 

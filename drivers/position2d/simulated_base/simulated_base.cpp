@@ -99,8 +99,9 @@ BodyVelocity SimulatedBase::wanted(const position2d::PositionCommand& command) c
   const double way = std::hypot(to_go.x, to_go.y);
   const double bearing = std::atan2(to_go.y, to_go.x);
   const double lag = parameters_.time_constant_s;
-  const double speed = approach(way, limit_or(std::hypot(command.velocity.x, command.velocity.y), parameters_.max_speed_mps),
-                                parameters_.max_accel_mps2, lag);
+  const double speed =
+      approach(way, limit_or(std::hypot(command.velocity.x, command.velocity.y), parameters_.max_speed_mps),
+               parameters_.max_accel_mps2, lag);
   const auto turn = [&](double angle) {
     return approach(angle, limit_or(command.velocity.w, parameters_.max_turn_radps), parameters_.max_turn_accel_radps2,
                     lag);

@@ -18,8 +18,8 @@ namespace regista {
 /// | `motor_turn`        | [angle/s] that the motors can do                                          | 6 rad/s      |
 /// | `motor_accel`       | [length/s²] that the motors can do                                        | 3 m/s²       |
 /// | `motor_turn_accel`  | [angle/s²] that the motors can do                                         | 20 rad/s²    |
-/// | `size`              | [length width height]                                                     | 0.18 0.18 0.15 m |
-/// | `drift`             | [m] sd of the way's random walk after one metre                           | 0            |
+/// | `size`              | [length width height]                                                     | 0.18 0.18 0.15 m
+/// | | `drift`             | [m] sd of the way's random walk after one metre                           | 0            |
 /// | `turn_drift`        | [rad] sd of the heading's random walk after one metre, or one radian turned | 0          |
 /// | `noise`             | sd of the published velocity [m/s, rad/s]; also a property, within [0, 1] | 0            |
 /// | `seed`              | whole number                                                              | 1            |

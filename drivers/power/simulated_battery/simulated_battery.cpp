@@ -36,9 +36,8 @@ SimulatedBattery::SimulatedBattery(Setup& setup)
 
   if (setup.config.has("requires")) {
     base_ = setup.require<Position2d>();
-    base_->on_data<position2d::State>([this](const position2d::State& state, Time) {
-      speed_mps_ = std::hypot(state.velocity.x, state.velocity.y);
-    });
+    base_->on_data<position2d::State>(
+        [this](const position2d::State& state, Time) { speed_mps_ = std::hypot(state.velocity.x, state.velocity.y); });
   }
   port_.on<power::SetChargingPolicy>([this](const power::SetChargingPolicy& policy) -> Result<Empty> {
     if (policy.enable_output != 0) {
