@@ -220,8 +220,8 @@ class SplitSearch {
     double low = gy == 0 ? -80 : log_ratio(gy, other_leg(speed_, gy));
     double high = gx == 0 ? 80 : std::max(log_ratio(other_leg(speed_, gx), gx), low);
     double z = std::clamp(log_ratio(need(start_.y, goal_.y), need(start_.x, goal_.x)), low, high);
-    double low_error = 0;  // log(x_s / y_s) at `low`, once it has been there
-    double high_error = 0;
+    bool low_known = false;
+    bool high_known = false;
     double at_least = 0;  // no α is quicker than this
     double last_z = z;
     double last_error = std::numeric_limits<double>::infinity();
@@ -243,15 +243,12 @@ class SplitSearch {
       const double error = std::log(x_s / y_s);
       if (z == (error < 0 ? high : low)) break;  // the goal's velocity forbids to go on
       (error < 0 ? low : high) = z;
-      (error < 0 ? low_error : high_error) = error;
+      (error < 0 ? low_known : high_known) = true;
+      const bool slow = std::abs(error) > 0.25 * std::abs(last_error);
       double slope = -now.sine * now.sine * now.x.slope_s / x_s - now.cosine * now.cosine * now.y.slope_s / y_s;
-      const bool slow = std::abs(error) > 0.25 * std::abs(last_error);  // the lead is not in the slope: take the secant
-      if (slow) slope = (error - last_error) / (z - last_z);
+      if (slow) slope = (error - last_error) / (z - last_z);  // the lead is not in the slope: take the secant
       double next = std::clamp(z - error / std::max(slope, 0.1), low, high);
-      if (slow && low_error < 0 && high_error > 0) {
-        if (error * last_error > 0) (error < 0 ? high_error : low_error) *= 0.5;  // Illinois
-        next = low - low_error * (high - low) / (high_error - low_error);
-      }
+      if (slow && low_known && high_known) next = 0.5 * (low + high);
       if (next == z) break;
       last_z = z;
       z = next;
