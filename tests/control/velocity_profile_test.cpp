@@ -240,7 +240,8 @@ TEST(MotionPlanner, replanned_every_tick_arrives_when_the_first_plan_said) {
     while (now_s + 0.01 < promised_s) {
       now_s += 0.01;
       plan = planner.plan(plan->at(std::chrono::milliseconds{10}), {.pose = goal.pose});
-      ASSERT_NEAR(now_s + plan->duration_s(), promised_s, 1e-6);
+      // While braking, the duration goes with the square root of a rounding error in position.
+      ASSERT_NEAR(now_s + plan->duration_s(), promised_s, 1e-5);
     }
   }
 }
