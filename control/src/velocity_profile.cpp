@@ -277,17 +277,16 @@ class SplitSearch {
     return goal_.x.velocity == 0 && goal_.y.velocity == 0 && (dips(start_.x, goal_.x) || dips(start_.y, goal_.y));
   }
 
-  /// By halving α from 45°, as published.
-  [[nodiscard]] Split best_by_halving() const {
+  /// The published split: α halved from 45° towards the axis that ends later, until they end within a millisecond.
+  [[nodiscard]] Split published() const {
     double alpha = std::numbers::pi / 4;
-    Split best = split(std::cos(alpha), std::sin(alpha));
-    Split now = best;
-    for (double step = std::numbers::pi / 8; step > 1e-9; step /= 2) {
+    Split now = split(std::cos(alpha), std::sin(alpha));
+    for (double step = std::numbers::pi / 8; step > 1e-7; step /= 2) {
+      if (std::abs(now.x.duration_s - now.y.duration_s) < 1e-3) break;
       alpha += now.x.duration_s > now.y.duration_s ? -step : step;
       now = split(std::cos(alpha), std::sin(alpha));
-      if (now.duration_s() < best.duration_s()) best = now;
     }
-    return best;
+    return now;
   }
 
   /// Both axes at once, for as long as the later needs. Empty when the earlier cannot last so long, or when together
@@ -387,9 +386,8 @@ class SplitSearch {
 std::optional<Translation> quickest_translation(const Plane& start, const Plane& goal, const MotionLimits& limits) {
   const SplitSearch direct{start, goal, limits, LeadTo::nowhere};
   auto translation = direct.translation(direct.best());
-  constexpr double never_s = std::numeric_limits<double>::infinity();
-  if (direct.another_may_be_quicker(translation ? translation->duration_s() : never_s)) {
-    const auto other = direct.translation(direct.best_by_halving());
+  if (!translation || direct.another_may_be_quicker(translation->duration_s())) {
+    const auto other = direct.translation(direct.published());
     if (other && (!translation || other->duration_s() < translation->duration_s())) translation = other;
   }
   for (const LeadTo lead_to : {LeadTo::split, LeadTo::rest}) {
