@@ -24,8 +24,7 @@ TEST(PiController, integrates_a_constant_error_over_time) {
 }
 
 TEST(PiController, brings_an_integrating_plant_to_the_set_point_as_the_closed_form_says) {
-  // x' = u with P = 3, I = 2 has the poles -1 and -2: from x(0) = 0 to 1, x = 1 + e^-t - 2 e^-2t + ... by hand:
-  // e = 1 - x obeys e'' + 3 e' + 2 e = 0 with e(0) = 1, e'(0) = -3, so e = 2 e^-2t - e^-t.
+  // With x' = u, P = 3 and I = 2 the error obeys e'' + 3 e' + 2 e = 0, e(0) = 1, e'(0) = -3: e = 2 e^-2t - e^-t.
   PiController controller{{.proportional = 3, .integral = 2, .output_limit = 100}};
   constexpr auto dt = 100us;
   double x = 0;

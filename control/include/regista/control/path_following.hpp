@@ -57,8 +57,8 @@ struct PathFollowingConfig {
 ///     ω = κ v cos ψ / (1 - κ e) - k1 v e sin ψ / ψ - k2 |v| ψ
 ///
 /// gives V' = k1 e v sin ψ - k1 v e sin ψ - k2 |v| ψ² = -k2 |v| ψ² ≤ 0: that is the condition of Lien 2013, 2.4.2. Where
-/// ψ stays 0, ψ' = -k1 v e makes e = 0 the only place to stay (LaSalle), as long as the robot moves and is on the path's
-/// side of the centre of its curve, 1 - κ e > 0. This is the law of Samson 1995 written for both directions of travel.
+/// ψ stays 0, ψ' = -k1 v e makes e = 0 the only place to stay (LaSalle), as long as the robot moves and is not at the
+/// centre of its curve, where 1 - κ e = 0. This is the law of Samson 1995 written for both directions of travel.
 class PathFollowing {
  public:
   struct Output {
@@ -67,7 +67,7 @@ class PathFollowing {
     double heading_rad = 0;  ///< relative to the path
     double to_go_m = 0;
     bool finished = false;  ///< at the end of the path; the command is zero
-    bool refused = false;   ///< a number was none, or the robot is beyond the centre of the curve; the command is zero
+    bool refused = false;   ///< a number was none, or the robot is at the centre of the curve; the command is zero
   };
 
   /// Throws std::invalid_argument that names the gain which is not positive.
