@@ -56,9 +56,8 @@ Cruise quickest_cruise(const Move& move, const AxisLimits& limits) {
   const double way = a * distance;
   const double lost = up * (u - v0) + down * (u - v1);
   const double inverse = 1 / (a * u);
-  return {.velocity = u,
-          .duration_s = (way + 0.5 * lost) * inverse,
-          .slope_s = ((up + down) * u - way - lost) * inverse};
+  return {
+      .velocity = u, .duration_s = (way + 0.5 * lost) * inverse, .slope_s = ((up + down) * u - way - lost) * inverse};
 }
 
 /// Nothing to do, for as long as one likes.
@@ -111,8 +110,7 @@ std::optional<AxisProfile> AxisProfile::lasting(double duration_s, const AxisSta
     const double u = std::clamp(root, -limits.speed, limits.speed);  // a double root has lost half of its digits
     const double ramps_s = (std::abs(u - v0) + std::abs(v1 - u)) / a;
     const double covered = ramp_distance(v0, u, a) + ramp_distance(u, v1, a) + u * (duration_s - ramps_s);
-    if (ramps_s <= duration_s * (1 + 1e-12) &&
-        std::abs(covered - distance) <= 1e-12 * (1 + std::abs(distance))) {
+    if (ramps_s <= duration_s * (1 + 1e-12) && std::abs(covered - distance) <= 1e-12 * (1 + std::abs(distance))) {
       return AxisProfile{start, sign * u, goal.velocity, a, duration_s};
     }
   }
@@ -246,13 +244,17 @@ class SplitSearch {
       const double x_s = now.x.duration_s + tiny;
       const double y_s = now.y.duration_s + tiny;
       at_least = std::max(at_least, now.lead_s + std::min(x_s, y_s));
-      if (best_s - at_least <= 1e-10 * (1 + best_s)) break;
+      const double to_gain_s = best_s - at_least;
+      if (to_gain_s <= 1e-9) break;
 
       const double error = std::log(x_s / y_s);
       if (z == (error < 0 ? high : low)) break;  // the goal's velocity forbids to go on
       (error < 0 ? low : high) = z;
       (error < 0 ? low_known : high_known) = true;
       const bool slow = std::abs(error) > 0.25 * std::abs(last_error);
+      // Where an axis can only just stop in time, its duration goes with a square root: rounding forbids to come
+      // nearer.
+      if (slow && to_gain_s <= 1e-7) break;
       double slope = -now.sine * now.sine * now.x.slope_s / x_s - now.cosine * now.cosine * now.y.slope_s / y_s;
       if (slow) slope = (error - last_error) / (z - last_z);  // the lead is not in the slope: take the secant
       double next = std::clamp(z - error / std::max(slope, 0.1), low, high);
@@ -300,10 +302,9 @@ class SplitSearch {
     const auto earlier = x_is_later ? AxisProfile::lasting(split.x.duration_s, y, goal_.y, y_limits)
                                     : AxisProfile::lasting(split.y.duration_s, x, goal_.x, x_limits);
     if (!earlier) return std::nullopt;
-    const Translation together{
-        .led = led,
-        .x = x_is_later ? AxisProfile::quickest(x, goal_.x, x_limits) : *earlier,
-        .y = x_is_later ? *earlier : AxisProfile::quickest(y, goal_.y, y_limits)};
+    const Translation together{.led = led,
+                               .x = x_is_later ? AxisProfile::quickest(x, goal_.x, x_limits) : *earlier,
+                               .y = x_is_later ? *earlier : AxisProfile::quickest(y, goal_.y, y_limits)};
     if (std::abs(x.velocity) <= x_limits.speed && std::abs(y.velocity) <= y_limits.speed) return together;
 
     // Between two switches the square of the speed is a convex parabola of time: it is largest at one of them.
@@ -349,9 +350,10 @@ class SplitSearch {
   /// log(a / b), kept where e to it and its square are finite.
   static double log_ratio(double a, double b) { return std::clamp(std::log((a + tiny) / (b + tiny)), -80.0, 80.0); }
 
-  /// What an axis asks of its acceleration, roughly.
+  /// What an axis asks of the limits, roughly; exactly, when the start moves straight towards the goal or rests.
   [[nodiscard]] double need(const AxisState& start, const AxisState& goal) const {
-    return std::abs(goal.position - start.position) + 0.5 * start.velocity * start.velocity / acceleration_;
+    const double speed = length(start_.x.velocity, start_.y.velocity);
+    return std::abs(goal.position - start.position) + 0.5 * std::abs(start.velocity) * speed / acceleration_;
   }
 
   [[nodiscard]] Split split(double cosine, double sine) const {
@@ -437,8 +439,8 @@ std::optional<MotionPlan> MotionPlanner::plan(const MotionState& start, const Mo
   MotionPlan plan;
   plan.start_x_ = {.position = start.pose.x, .velocity = start.velocity.x};
   plan.start_y_ = {.position = start.pose.y, .velocity = start.velocity.y};
-  plan.heading_ = quickest_turn(
-      start, goal, {.speed = limits_.turn_rate_radps, .acceleration = limits_.turn_acceleration_radps2});
+  plan.heading_ =
+      quickest_turn(start, goal, {.speed = limits_.turn_rate_radps, .acceleration = limits_.turn_acceleration_radps2});
 
   Plane from{.x = plan.start_x_, .y = plan.start_y_};
   const Plane to{.x = {.position = goal.pose.x, .velocity = goal.velocity.x},
