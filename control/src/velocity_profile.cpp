@@ -60,6 +60,12 @@ Cruise quickest_cruise(const Move& move, const AxisLimits& limits) {
       .velocity = u, .duration_s = (way + 0.5 * lost) * inverse, .slope_s = ((up + down) * u - way - lost) * inverse};
 }
 
+/// Beyond the limit in the same direction at both ends.
+bool passes_too_fast(const AxisState& start, const AxisState& goal, const AxisLimits& limits) {
+  return start.velocity * goal.velocity > 0 &&
+         std::min(std::abs(start.velocity), std::abs(goal.velocity)) > limits.speed;
+}
+
 /// Nothing to do, for as long as one likes.
 bool rests(const AxisState& start, const AxisState& goal) {
   return start.position == goal.position && start.velocity == 0 && goal.velocity == 0;
@@ -213,6 +219,12 @@ class SplitSearch {
   SplitSearch(const Plane& start, const Plane& goal, const MotionLimits& limits, LeadTo lead_to)
       : start_{start}, goal_{goal}, speed_{limits.speed_mps}, acceleration_{limits.acceleration_mps2}, to_{lead_to} {}
 
+  [[nodiscard]] Split split(double cosine, double sine) const {
+    if (to_ == LeadTo::nowhere) return split(cosine, sine, start_, 0);
+    const Led led = lead(cosine, sine);
+    return split(cosine, sine, led.end, led.duration_s);
+  }
+
   /// The duration of x grows with α and that of y falls, so where they are equal the later of the two is least. The
   /// unknown is z = log tan α: the logarithm of their ratio is nearly a line in it, so that Newton's method takes four
   /// steps where bisection takes thirty. Brackets guard it.
@@ -267,16 +279,16 @@ class SplitSearch {
     return best;
   }
 
-  /// Whether a split other than `best()` may take less than `duration_s`. With a share too small for its start
-  /// velocity an axis takes less time the smaller the share, until it only just stops in time, after 2 d / v0. The
-  /// derivative of the duration says when: a d > v0 v_max.
+  /// Whether a split other than `best()` may take less than `duration_s` to a goal at rest. With a share too small for
+  /// its start velocity an axis takes less time the smaller the share, until it only just stops in time, after 2 d /
+  /// v0. The derivative of the duration says when: a d > v0 v_max.
   [[nodiscard]] bool another_may_be_quicker(double duration_s) const {
     const auto dips = [&](const AxisState& start, const AxisState& goal) {
       const double distance = (goal.position - start.position) * (start.velocity < 0 ? -1 : 1);
       const double v0 = std::abs(start.velocity);
       return acceleration_ * distance > v0 * speed_ && 2 * distance < duration_s * v0;
     };
-    return goal_.x.velocity == 0 && goal_.y.velocity == 0 && (dips(start_.x, goal_.x) || dips(start_.y, goal_.y));
+    return dips(start_.x, goal_.x) || dips(start_.y, goal_.y);
   }
 
   /// The published split: α halved from 45° towards the axis that ends later, until they end within a millisecond.
@@ -291,13 +303,14 @@ class SplitSearch {
     return now;
   }
 
-  /// Both axes at once, for as long as the later needs. Empty when the earlier cannot last so long, or when together
-  /// they are too fast on the way.
+  /// Both axes at once, for as long as the later needs. Empty when one is beyond its share at both ends, when the
+  /// earlier cannot last so long, or when together they are too fast on the way.
   [[nodiscard]] std::optional<Translation> translation(const Split& split) const {
     const Led led = lead(split.cosine, split.sine);
     const auto& [x, y] = led.end;
     const AxisLimits x_limits = limits_of(split.cosine);
     const AxisLimits y_limits = limits_of(split.sine);
+    if (passes_too_fast(x, goal_.x, x_limits) || passes_too_fast(y, goal_.y, y_limits)) return std::nullopt;
     const bool x_is_later = split.x.duration_s >= split.y.duration_s;
     const auto earlier = x_is_later ? AxisProfile::lasting(split.x.duration_s, y, goal_.y, y_limits)
                                     : AxisProfile::lasting(split.y.duration_s, x, goal_.x, x_limits);
@@ -305,7 +318,9 @@ class SplitSearch {
     const Translation together{.led = led,
                                .x = x_is_later ? AxisProfile::quickest(x, goal_.x, x_limits) : *earlier,
                                .y = x_is_later ? *earlier : AxisProfile::quickest(y, goal_.y, y_limits)};
-    if (std::abs(x.velocity) <= x_limits.speed && std::abs(y.velocity) <= y_limits.speed) return together;
+    const bool within_shares = std::max(std::abs(x.velocity), std::abs(goal_.x.velocity)) <= x_limits.speed &&
+                               std::max(std::abs(y.velocity), std::abs(goal_.y.velocity)) <= y_limits.speed;
+    if (within_shares) return together;
 
     // Between two switches the square of the speed is a convex parabola of time: it is largest at one of them.
     const auto too_fast = [&](double time_s) {
@@ -356,12 +371,6 @@ class SplitSearch {
     return std::abs(goal.position - start.position) + 0.5 * std::abs(start.velocity) * speed / acceleration_;
   }
 
-  [[nodiscard]] Split split(double cosine, double sine) const {
-    if (to_ == LeadTo::nowhere) return split(cosine, sine, start_, 0);
-    const Led led = lead(cosine, sine);
-    return split(cosine, sine, led.end, led.duration_s);
-  }
-
   [[nodiscard]] Split split(double cosine, double sine, const Plane& from, double lead_s) const {
     return {.cosine = cosine,
             .sine = sine,
@@ -383,21 +392,35 @@ class SplitSearch {
 };
 
 // The published split first. When the start is too fast for one axis's share, it may speed up beyond the vector limit:
-// then the velocity is first taken into the shares, in a straight line, which keeps both limits. Only goals in motion
-// may still be out of reach for both axes together; from rest, every goal is within reach at every later time.
+// then the velocity is first taken into the shares, in a straight line, which keeps both limits. A goal in motion
+// leaves little choice of shares, and may still be out of reach for both axes together. The last resort is always
+// there: from rest every goal is within reach at every later time, and equal shares s = √½ keep the limit with any
+// velocities at the ends: an axis beyond its share is within it before the other is beyond its own, as |vx| s + |vy| s
+// <= v_max.
 std::optional<Translation> quickest_translation(const Plane& start, const Plane& goal, const MotionLimits& limits) {
+  std::optional<Translation> quickest;
+  const auto consider = [&](const std::optional<Translation>& other) {
+    if (other && (!quickest || other->duration_s() < quickest->duration_s())) quickest = other;
+  };
+  const double half = std::sqrt(0.5);
+  const bool goal_rests = goal.x.velocity == 0 && goal.y.velocity == 0;
+
   const SplitSearch direct{start, goal, limits, LeadTo::nowhere};
-  auto translation = direct.translation(direct.best());
-  if (!translation || direct.another_may_be_quicker(translation->duration_s())) {
-    const auto other = direct.translation(direct.published());
-    if (other && (!translation || other->duration_s() < translation->duration_s())) translation = other;
+  consider(direct.translation(direct.best()));
+  if (!goal_rests) {
+    consider(direct.translation(direct.split(half, half)));
+  } else if (!quickest || direct.another_may_be_quicker(quickest->duration_s())) {
+    consider(direct.translation(direct.published()));
   }
-  for (const LeadTo lead_to : {LeadTo::split, LeadTo::rest}) {
-    if (translation) break;
-    const SplitSearch led{start, goal, limits, lead_to};
-    translation = led.translation(led.best());
-  }
-  return translation;
+  if (quickest) return quickest;
+
+  const SplitSearch turning_in{start, goal, limits, LeadTo::split};
+  consider(turning_in.translation(turning_in.best()));
+  if (goal_rests && quickest) return quickest;
+  const SplitSearch from_rest{start, goal, limits, LeadTo::rest};
+  consider(from_rest.translation(from_rest.best()));
+  consider(from_rest.translation(from_rest.split(half, half)));
+  return quickest;
 }
 
 // The quickest of the turns that end at the same heading: those that reach just beyond and just short of where the

@@ -120,6 +120,16 @@ TEST(MotionPlanner, a_straight_move_gets_the_whole_limits) {
   EXPECT_NEAR(speed(plan->at(from_seconds(1.2))), 3, 1e-12);
 }
 
+TEST(MotionPlanner, meets_a_goal_that_moves_at_full_speed_along_one_axis) {
+  const auto plan = MotionPlanner{limits}.plan({}, {.pose = {.x = 1, .y = 1}, .velocity = {.y = 3}});
+  ASSERT_TRUE(plan);
+  EXPECT_LT(plan->duration_s(), 5);
+  const MotionState end = plan->at(from_seconds(plan->duration_s()));
+  EXPECT_NEAR(end.pose.x, 1, 1e-8);
+  EXPECT_NEAR(end.pose.y, 1, 1e-8);
+  EXPECT_NEAR(end.velocity.y, 3, 1e-8);
+}
+
 TEST(MotionPlanner, turns_the_quicker_way_which_may_be_the_longer) {
   const MotionPlanner planner{limits};
   EXPECT_LT(planner.plan({}, {.pose = {.heading = -1}})->at(std::chrono::milliseconds{100}).velocity.w, 0);
