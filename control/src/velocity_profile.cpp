@@ -112,11 +112,12 @@ std::optional<AxisProfile> AxisProfile::lasting(double duration_s, const AxisSta
   const double difference = a * duration_s - v0 - v1;
   const double dip = a * distance - 0.5 * (v0 * v0 + v1 * v1);
   const double below = 0.5 * (std::sqrt(difference * difference + 4 * dip) - difference);
+  const double rounding = 1e-12 * (1 + std::abs(distance) + (v0 * v0 + v1 * v1) / a);
   for (const double root : {above, between, below}) {
     const double u = std::clamp(root, -limits.speed, limits.speed);  // a double root has lost half of its digits
     const double ramps_s = (std::abs(u - v0) + std::abs(v1 - u)) / a;
     const double covered = ramp_distance(v0, u, a) + ramp_distance(u, v1, a) + u * (duration_s - ramps_s);
-    if (ramps_s <= duration_s * (1 + 1e-12) && std::abs(covered - distance) <= 1e-12 * (1 + std::abs(distance))) {
+    if (ramps_s <= duration_s * (1 + 1e-12) && std::abs(covered - distance) <= rounding) {
       return AxisProfile{start, sign * u, goal.velocity, a, duration_s};
     }
   }

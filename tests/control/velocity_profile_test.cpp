@@ -219,6 +219,30 @@ INSTANTIATE_TEST_SUITE_P(, Plans,
                                          Case{"outside_to_motion", 6, 3}),
                          [](const auto& chosen) { return std::string{chosen.param.name}; });
 
+TEST(MotionPlanner, finds_a_plan_whatever_the_orders_of_magnitude) {
+  RandomStates random{8};
+  const auto any = [&] { return std::copysign(std::pow(10, random.uniform(-6, 2.5)), random.uniform(-1, 1)); };
+  const auto any_or_none = [&] { return random.uniform(0, 1) < 0.2 ? 0 : any(); };
+  for (int i = 0; i < 20'000; ++i) {
+    const MotionLimits odd{.speed_mps = 1e-3 + std::abs(any()),
+                           .acceleration_mps2 = 1e-3 + std::abs(any()),
+                           .turn_rate_radps = 1e-3 + std::abs(any()),
+                           .turn_acceleration_radps2 = 1e-3 + std::abs(any())};
+    const double speed_mps = odd.speed_mps * random.uniform(0, 1);
+    const double direction = random.uniform(-pi, pi);
+    const MotionState start{.pose = {any_or_none(), any_or_none(), any()},
+                            .velocity = {any_or_none(), any_or_none(), any()}};
+    const MotionState goal{.pose = {any_or_none(), any_or_none(), any()},
+                           .velocity = {speed_mps * std::cos(direction), speed_mps * std::sin(direction), 0}};
+    for (const MotionState& to : {goal, MotionState{.pose = goal.pose}}) {
+      const auto plan = MotionPlanner{odd}.plan(start, to);
+      ASSERT_TRUE(plan);
+      ASSERT_TRUE(std::isfinite(plan->duration_s()));
+      ASSERT_GE(plan->duration_s(), 0);
+    }
+  }
+}
+
 TEST(MotionPlanner, from_above_the_speed_limit_brakes_straight_at_full_deceleration) {
   const MotionPlanner planner{limits};
   RandomStates random{5};
