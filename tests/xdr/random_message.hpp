@@ -9,7 +9,9 @@ namespace regista {
 /// Fills any described value from its fields: every bit pattern of every number, NaN with payloads among them.
 class RandomMessage {
  public:
-  explicit RandomMessage(std::uint64_t seed) : random_{seed} {}
+  enum class Optional { sometimes, never };
+  explicit RandomMessage(std::uint64_t seed, Optional optional = Optional::sometimes)
+      : random_{seed}, optional_{optional} {}
 
   template <typename T>
   void fill(T& value, std::size_t max_count = unlimited) {
@@ -25,7 +27,7 @@ class RandomMessage {
       for (auto& element : value) fill(element);
     } else if constexpr (is_optional<T>) {
       value.reset();
-      if (random_() % 2 == 0) fill(value.emplace());
+      if (optional_ == Optional::sometimes && random_() % 2 == 0) fill(value.emplace());
     } else if constexpr (std::is_floating_point_v<T>) {
       auto bits = static_cast<xdr::detail::Bits<T>>(random_());
       constexpr xdr::detail::Bits<T> exponent = sizeof(T) == 8 ? 0x7ff0'0000'0000'0000 : 0x7f80'0000;
@@ -40,6 +42,7 @@ class RandomMessage {
   std::size_t count(std::size_t max_count) { return std::min<std::size_t>(random_() % 9, max_count); }
 
   std::mt19937_64 random_;
+  Optional optional_;
 };
 
 }  // namespace regista
