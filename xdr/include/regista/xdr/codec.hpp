@@ -128,6 +128,21 @@ class Writer {
   std::byte* at_;
 };
 
+/// Reads what has a fixed extent and is known to be there; moves `at` behind it.
+template <typename T>
+void get_unchecked(const std::byte*& at, T& value) {
+  if constexpr (Scalar<T>) {
+    Bits<T> bits;
+    std::memcpy(&bits, at, sizeof bits);
+    at += sizeof bits;
+    value = from_bits<T>(big_endian(bits));
+  } else if constexpr (is_array<T>) {
+    for (auto& element : value) get_unchecked(at, element);
+  } else {
+    for_each_field(value, [&](const auto&, auto& member) { get_unchecked(at, member); });
+  }
+}
+
 /// Reads a body; remembers where and in which field it failed.
 class Reader {
  public:
@@ -138,7 +153,7 @@ class Reader {
     constexpr Extent extent = extent_of<T>();
     if constexpr (extent.fixed) {
       if (left() >= extent.size) {
-        get_unchecked(value);
+        get_unchecked(at_, value);
         return true;
       }
     }
@@ -169,20 +184,6 @@ class Reader {
   [[nodiscard]] Error error() const;
 
  private:
-  template <typename T>
-  void get_unchecked(T& value) {
-    if constexpr (Scalar<T>) {
-      Bits<T> bits;
-      std::memcpy(&bits, at_, sizeof bits);
-      at_ += sizeof bits;
-      value = from_bits<T>(big_endian(bits));
-    } else if constexpr (is_array<T>) {
-      for (auto& element : value) get_unchecked(element);
-    } else {
-      for_each_field(value, [&](const auto&, auto& member) { get_unchecked(member); });
-    }
-  }
-
   template <typename F, typename T>
   bool get_field(const F& field, T& value) {
     if (get(value, field.max_count)) return true;
@@ -202,7 +203,11 @@ class Reader {
       if (!get_count(count, extent_of<T>().size, max_count)) return false;
       value.resize(count);
       for (T& element : value) {
-        if (!get(element)) return false;
+        if constexpr (extent_of<T>().fixed) {
+          get_unchecked(at_, element);  // get_count has seen that all are there
+        } else if (!get(element)) {
+          return false;
+        }
       }
       return true;
     }
@@ -228,6 +233,15 @@ class Reader {
   std::size_t needed_ = 0;
   std::string path_;
 };
+
+/// Apart from `decode`, so that its short way is worth inlining.
+template <typename T>
+[[gnu::noinline]] Result<> decode_checked(std::span<const std::byte> bytes, T& value, std::size_t* used) {
+  Reader reader{bytes};
+  if (!reader.get(value)) return reader.error();
+  if (used != nullptr) *used = reader.position();
+  return {};
+}
 
 }  // namespace detail
 
@@ -278,10 +292,15 @@ std::size_t encode_message(const Header& header, const Body& body, std::span<std
 /// Memory is taken for elements that are there, never for a claimed count. NaN passes with its bits.
 template <Described T>
 Result<> decode(std::span<const std::byte> bytes, T& value, std::size_t* used = nullptr) {
-  detail::Reader reader{bytes};
-  if (!reader.get(value)) return reader.error();
-  if (used != nullptr) *used = reader.position();
-  return {};
+  if constexpr (constexpr detail::Extent extent = detail::extent_of<T>(); extent.fixed) {
+    if (bytes.size() >= extent.size) {  // most messages, most of the time
+      const std::byte* at = bytes.data();
+      detail::get_unchecked(at, value);
+      if (used != nullptr) *used = extent.size;
+      return {};
+    }
+  }
+  return detail::decode_checked(bytes, value, used);
 }
 
 }  // namespace regista::xdr
