@@ -53,7 +53,7 @@ struct Layout {
   /// Decodes, and encodes what came out.
   Result<> (*recode)(std::span<const std::byte> from, Bytes& to, std::size_t& used);
   /// How often a random body allocates to be encoded, and to be decoded into itself.
-  std::pair<std::size_t, std::size_t> (*allocations().count)(RandomMessage&);
+  std::pair<std::size_t, std::size_t> (*allocated)(RandomMessage&);
 };
 
 template <typename Body>
@@ -72,7 +72,7 @@ Layout layout_of(std::string_view name) {
                 if (decoded) to = encoded_body(body);
                 return decoded;
               },
-          .allocations().count =
+          .allocated =
               [](RandomMessage& random) {
                 Body body;
                 random.fill(body);
@@ -276,7 +276,7 @@ TEST(Codec, writes_nothing_into_a_buffer_that_is_too_small) {
 TEST(Codec, allocates_nothing_to_encode_nor_to_decode_into_a_message_that_has_room) {
   RandomMessage random{5};
   for (const Layout& layout : layouts()) {
-    EXPECT_EQ(layout.allocations().count(random), (std::pair<std::size_t, std::size_t>{0, 0})) << layout.name;
+    EXPECT_EQ(layout.allocated(random), (std::pair<std::size_t, std::size_t>{0, 0})) << layout.name;
   }
 }
 
