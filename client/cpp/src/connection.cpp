@@ -13,6 +13,8 @@ namespace regista::client {
 
 namespace {
 
+using namespace std::chrono_literals;
+
 constexpr std::size_t bytes_per_read = std::size_t{1} << 20;
 constexpr std::size_t most_notices = 256;
 constexpr Duration first_back_off = 100ms;

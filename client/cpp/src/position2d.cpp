@@ -5,6 +5,8 @@ namespace regista::client {
 
 namespace {
 
+using namespace std::chrono_literals;
+
 template <Described T>
 void require_finite(const T& value, const char* what) {
   for_each_field(value, [&](const auto&, double number) {

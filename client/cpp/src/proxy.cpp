@@ -5,6 +5,8 @@ namespace regista::client {
 
 namespace {
 
+using namespace std::chrono_literals;
+
 // Five times within the usual lease of 0.5 s.
 constexpr Duration keep_alive_interval = 100ms;
 constexpr std::size_t most_groups = 16;

@@ -5,6 +5,8 @@
 namespace regista::client {
 
 namespace {
+
+using namespace std::chrono_literals;
 constexpr std::size_t most_events = 256;
 }  // namespace
 

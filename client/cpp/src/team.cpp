@@ -6,6 +6,8 @@
 
 namespace regista::client {
 
+using namespace std::chrono_literals;
+
 bool Team::read(Duration timeout) {
   const Time until = Clock::now() + std::min<Duration>(timeout, 24h);
   std::vector<pollfd> polls;

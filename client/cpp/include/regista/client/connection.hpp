@@ -12,8 +12,6 @@
 
 namespace regista::client {
 
-using namespace std::chrono_literals;
-
 class Socket;
 
 /// Which device of a server.
@@ -30,7 +28,7 @@ std::string to_string(Address address);
 inline constexpr Address server_address{player::code, 0};
 
 struct Options {
-  Duration timeout = 2s;  ///< to connect, for each answer, and for the server's silence before it counts as lost
+  Duration timeout = std::chrono::seconds{2};  ///< to connect, for each answer, and for the server's silence before it counts as lost
   player::DataMode mode = player::DataMode::push;  ///< pull: the server sends only when read() asks
   std::string name{};                              ///< shown to the others; empty: program@host
   std::int32_t priority = 10;                      ///< of my wish to drive: 10 programs, 20 people
