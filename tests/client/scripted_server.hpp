@@ -164,6 +164,7 @@ class Peer {
     bytes.resize(size);
     std::size_t got = 0;
     while (got < size) {
+      if (descriptor_ < 0) return false;
       pollfd poll{.fd = descriptor_, .events = POLLIN, .revents = 0};
       if (::poll(&poll, 1, 2000) != 1) return false;
       const ssize_t n = ::recv(descriptor_, bytes.data() + got, size - got, MSG_DONTWAIT);

@@ -105,8 +105,8 @@ void replay(const std::string& name, int least_reads) {
     SCOPED_TRACE(name + " message " + std::to_string(i) + " " + what);
     if (what == "player.DEV" && fields["access"] == 1) {
       const bool is_base = fields["addr"]["interf"] == 4;
-      client::ProxyBase& proxy =
-          is_base ? static_cast<client::ProxyBase&>(robot.position2d()) : static_cast<client::ProxyBase&>(robot.power());
+      client::ProxyBase& proxy = is_base ? static_cast<client::ProxyBase&>(robot.position2d())
+                                         : static_cast<client::ProxyBase&>(robot.power());
       if (reply != nullptr) {
         EXPECT_EQ(proxy.driver() + '\0', (*reply)["fields"]["driver_name"].get<std::string>());
       }

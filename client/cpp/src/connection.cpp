@@ -161,19 +161,20 @@ void Connection::next_step() {
 }
 
 void Connection::subscribe_step(Address address) {
-  const Result<> sent = begin(server_address, subscribe_request(address, player::Access::open),
-                              [this, address](Result<std::span<const std::byte>> body) {
-                                if (state_ == State::closed) return;
-                                const Result<std::string> driver = opened(body);
-                                Subscription* subscription = find(address);
-                                if (!driver) {
-                                  (void)fail({driver.error().code, to_string(address) + ": " + driver.error().message()});
-                                } else if (subscription != nullptr) {
-                                  subscription->open = true;
-                                  subscription->driver = *driver;
-                                  next_step();
-                                }
-                              });
+  const Result<> sent =
+      begin(server_address, subscribe_request(address, player::Access::open),
+            [this, address](Result<std::span<const std::byte>> body) {
+              if (state_ == State::closed) return;
+              const Result<std::string> driver = opened(body);
+              Subscription* subscription = find(address);
+              if (!driver) {
+                (void)fail({driver.error().code, to_string(address) + ": " + driver.error().message()});
+              } else if (subscription != nullptr) {
+                subscription->open = true;
+                subscription->driver = *driver;
+                next_step();
+              }
+            });
   if (!sent) (void)fail(sent.error());
 }
 
@@ -222,8 +223,8 @@ Result<> Connection::transmit(Address to, const Any& any, std::uint32_t sequence
       return regista::Error{std::errc::invalid_argument, std::string{m.name} + " to a " + to_string(to)};
     }
     // HasCapability crashes a stock server.
-    const bool ours = (m.interface == player::code && m.subtype >= first_extension) ||
-                      std::same_as<M, property::HasCapability>;
+    const bool ours =
+        (m.interface == player::code && m.subtype >= first_extension) || std::same_as<M, property::HasCapability>;
     if (ours && !extended() && !std::same_as<M, player::Extend>) return regista::Error{Errc::stock, ""};
     const xdr::Header header{
         .address = {.robot = to == server_address ? 0u : port_, .interface = to.interface, .index = to.index},
@@ -240,7 +241,8 @@ Result<> Connection::transmit(Address to, const Any& any, std::uint32_t sequence
         if constexpr (has_counts<M>) {
           M fit = message;
           if (!make_fit(fit)) {
-            return regista::Error{std::errc::invalid_argument, std::string{M::message.name} + " holds too many elements"};
+            return regista::Error{std::errc::invalid_argument,
+                                  std::string{M::message.name} + " holds too many elements"};
           }
           return encode(fit);
         } else {
@@ -314,10 +316,8 @@ Result<std::string> Connection::subscribe(Address from, OnData on_data) {
   if (find(from) != nullptr) return regista::Error{std::errc::already_connected, to_string(from)};
   subscriptions_.push_back({.address = from, .on_data = std::move(on_data), .open = from == server_address});
   if (!connected() || from == server_address) return std::string{};
-  const Result<std::vector<std::byte>> body =
-      exchange(server_address, subscribe_request(from, player::Access::open));
-  const Result<std::string> driver =
-      opened(body ? Result<std::span<const std::byte>>{std::span{*body}} : body.error());
+  const Result<std::vector<std::byte>> body = exchange(server_address, subscribe_request(from, player::Access::open));
+  const Result<std::string> driver = opened(body ? Result<std::span<const std::byte>>{std::span{*body}} : body.error());
   Subscription* subscription = find(from);
   if (driver) {
     subscription->open = true;

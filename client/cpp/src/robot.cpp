@@ -60,8 +60,8 @@ ProxyBase* Robot::find(Address address) {
 
 ProxyBase& Robot::open(std::unique_ptr<ProxyBase> proxy) {
   const Address address = proxy->address();
-  Result<std::string> driver = connection_.subscribe(
-      address, [p = proxy.get()](const xdr::Header& header, const AnyData& data, Time arrival) {
+  Result<std::string> driver =
+      connection_.subscribe(address, [p = proxy.get()](const xdr::Header& header, const AnyData& data, Time arrival) {
         p->on_data(header, data, arrival);
       });
   if (!driver) raise(to_string(address), "subscribe", driver.error());

@@ -72,7 +72,8 @@ Socket::Socket(const std::string& host, std::uint16_t port) : host_{host}, error
     endpoints_ = std::move(numeric.endpoints);
     return;
   }
-  // getaddrinfo knows no time-out, and a resolver may take half a minute: it takes it in a thread that nobody waits for.
+  // getaddrinfo knows no time-out, and a resolver may take half a minute: it takes it in a thread that nobody waits
+  // for.
   std::packaged_task<Lookup()> task{[host, port] { return look_up(host, port, 0); }};
   lookup_ = task.get_future();
   std::thread{std::move(task)}.detach();
@@ -84,7 +85,7 @@ Socket::~Socket() {
 
 void Socket::give_up(int error) {
   error_ = regista::Error{std::error_code{error, std::generic_category()},
-                 "connect to " + to_text(endpoints_[next_ - 1].address, endpoints_[next_ - 1].size)};
+                          "connect to " + to_text(endpoints_[next_ - 1].address, endpoints_[next_ - 1].size)};
   if (descriptor_ >= 0) ::close(descriptor_);
   descriptor_ = -1;
 }

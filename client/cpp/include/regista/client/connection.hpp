@@ -28,7 +28,8 @@ std::string to_string(Address address);
 inline constexpr Address server_address{player::code, 0};
 
 struct Options {
-  Duration timeout = std::chrono::seconds{2};  ///< to connect, for each answer, and for the server's silence before it counts as lost
+  Duration timeout =
+      std::chrono::seconds{2};  ///< to connect, for each answer, and for the server's silence before it counts as lost
   player::DataMode mode = player::DataMode::push;  ///< pull: the server sends only when read() asks
   std::string name{};                              ///< shown to the others; empty: program@host
   std::int32_t priority = 10;                      ///< of my wish to drive: 10 programs, 20 people
@@ -185,7 +186,7 @@ class Connection {
   Time attempt_until_;
   Time retry_at_;
   Duration back_off_{};
-  Time heard_;                    ///< when bytes came last
+  Time heard_;                     ///< when bytes came last
   std::optional<Time> probed_at_;  ///< asked for a sign of life
   Counters counters_;
 };

@@ -26,7 +26,8 @@ inline std::error_code make_error_code(Errc code) { return {static_cast<int>(cod
 const std::error_category& refusal_category() noexcept;
 inline constexpr int no_reason = -1;
 
-/// What the client library throws. `what()` says all: "position2d:0 at robot7:6665: SET_ODOM refused: busy (…); remedy".
+/// What the client library throws. `what()` says all: "position2d:0 at robot7:6665: SET_ODOM refused: busy (…);
+/// remedy".
 class Error : public std::runtime_error {
  public:
   struct Context {
