@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -424,7 +423,7 @@ Result<> Connection::take_in(Time until) {
     if (state_ != State::closed) on_time(now);
     if (state_ == State::closed) return error_;
     if (came || now >= until) return {};
-    socket_->wait(std::min(until, wake_time()), poll_events());
+    socket_->wait(std::min(until, wake_time()), !backlog_.empty());
   }
 }
 
@@ -601,9 +600,6 @@ Time Connection::wake_time() const {
 
 int Connection::fileno() const { return socket_ == nullptr ? -1 : socket_->descriptor(); }
 
-short Connection::poll_events() const {
-  const bool writes = state_ == State::connecting || !backlog_.empty();
-  return static_cast<short>(writes ? POLLIN | POLLOUT : POLLIN);
-}
+short Connection::poll_events() const { return socket_ == nullptr ? short{0} : socket_->events(!backlog_.empty()); }
 
 }  // namespace regista::client

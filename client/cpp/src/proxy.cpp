@@ -105,7 +105,7 @@ void ProxyBase::forget_motions() {
 }
 
 void ProxyBase::keep_alive(bool on) {
-  drove_ = false;
+  drove_ = drove_ && on && keep_alive_at_;  // from one destination to the next it just goes on driving
   was_stopped_ = false;
   if (on && connection().extended()) {
     keep_alive_at_ = Clock::now() + keep_alive_interval;

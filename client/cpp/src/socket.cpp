@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
+#include <sys/eventfd.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -74,10 +75,16 @@ Socket::Socket(const std::string& host, std::uint16_t port) : host_{host}, error
   }
   // getaddrinfo knows no time-out, and a resolver may take half a minute: it takes it in a thread that nobody waits
   // for.
-  std::packaged_task<Lookup()> task{[host, port] { return look_up(host, port, 0); }};
-  lookup_ = task.get_future();
-  std::thread{std::move(task)}.detach();
+  lookup_ = std::make_shared<PendingLookup>();
+  result_ = lookup_->promise.get_future();
+  std::thread{[host, port, lookup = lookup_] {
+    lookup->promise.set_value(look_up(host, port, 0));
+    (void)::eventfd_write(lookup->done, 1);
+  }}.detach();
 }
+
+Socket::PendingLookup::PendingLookup() : done{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)} {}
+Socket::PendingLookup::~PendingLookup() { ::close(done); }
 
 Socket::~Socket() {
   if (descriptor_ >= 0) ::close(descriptor_);
@@ -104,9 +111,10 @@ void Socket::open_next(Time now, Time deadline) {
 }
 
 Result<bool> Socket::connect(Time now, Time deadline) {
-  if (lookup_.valid()) {
-    if (lookup_.wait_for(0s) != std::future_status::ready) return false;
-    Lookup lookup = lookup_.get();
+  if (lookup_) {
+    if (result_.wait_for(0s) != std::future_status::ready) return false;
+    Lookup lookup = result_.get();
+    lookup_.reset();
     if (!lookup.error.empty()) return regista::Error{Errc::unknown_host, host_ + " (" + lookup.error + ")"};
     endpoints_ = std::move(lookup.endpoints);
   }
@@ -136,15 +144,17 @@ Result<bool> Socket::connect(Time now, Time deadline) {
   return true;
 }
 
-void Socket::wait(Time until, short events) {
-  if (lookup_.valid()) {
-    (void)lookup_.wait_until(until);
-    return;
-  }
+short Socket::events(bool writes) const {
+  if (lookup_) return POLLIN;
+  if (!connected_) return POLLOUT;
+  return static_cast<short>(writes ? POLLIN | POLLOUT : POLLIN);
+}
+
+void Socket::wait(Time until, bool writes) const {
   const auto left = std::max(until - Clock::now(), Duration{});
   const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
   const timespec timeout{.tv_sec = whole.count(), .tv_nsec = (left - whole).count()};
-  pollfd poll{.fd = descriptor_, .events = connected_ ? events : short{POLLOUT}, .revents = 0};
+  pollfd poll{.fd = descriptor(), .events = events(writes), .revents = 0};
   (void)::ppoll(&poll, 1, &timeout, nullptr);
 }
 
