@@ -273,7 +273,7 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
   }
   if (std::holds_alternative<player::Stop>(request)) {
     for (MotionGroup& group : state.groups) {
-      group.stop("\"" + identity(inbound.session).name + "\" asked for a stop", now_);
+      group.stop(inbound.session, "\"" + identity(inbound.session).name + "\" asked for a stop", now_);
     }
     return answer(AnyReply{});
   }
@@ -576,7 +576,7 @@ void DriverHost::fault(const std::string& what) {
 void DriverHost::shut_down(Time now) {
   now_ = now;
   for (PortCore& port : setup_->ports) {
-    for (MotionGroup& group : states_[port.number].groups) group.stop("server shutting down", now);
+    for (MotionGroup& group : states_[port.number].groups) group.stop(0, "server shutting down", now);
   }
   run_motion();
   driver_->halt();

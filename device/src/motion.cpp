@@ -297,8 +297,8 @@ void MotionGroup::keep_alive(SessionId session, Time now) {
   if (owner_ && owner_->session == session && destination()) heard_ = now;
 }
 
-void MotionGroup::stop(const std::string& reason, Time now) {
-  if (owner_) {
+void MotionGroup::stop(SessionId by, const std::string& reason, Time now) {
+  if (owner_ && owner_->session != by) {
     displaced_ = owner_->session;
     displaced_heard_ = now;
   }

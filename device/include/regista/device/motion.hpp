@@ -41,8 +41,9 @@ class MotionGroup {
   void release(SessionId session, Time now);
   void gone(SessionId session, Time now);
   void keep_alive(SessionId session, Time now);
-  /// Bring the device to rest, whoever drives it. `reason` follows "stopped: ".
-  void stop(const std::string& reason, Time now);
+  /// Bring the device to rest, whoever drives it. `reason` follows "stopped: ". An owner whom somebody else stops may
+  /// not go on as if nothing was: he must pause or take.
+  void stop(SessionId by, const std::string& reason, Time now);
   /// The driver was halted: nothing moves any more, nobody owns it.
   void halted(const std::string& reason, bool fault);
   /// The driver works again.
