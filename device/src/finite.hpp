@@ -13,11 +13,18 @@ template <Described T>
 std::string first_not_finite(const T& value) {
   std::string found;
   const auto look = [&](std::string_view name, double number) {
-    if (!std::isfinite(number)) found.append(name).append(" = ").append(std::to_string(number));
+    if (std::isfinite(number)) return;
+    found.append(name).append(" = ").append(std::isnan(number) ? "nan" : number > 0 ? "inf" : "-inf");
   };
   for_each_field(value, [&]<typename F>(const F&, const auto& member) {
     if (!found.empty()) return;
     using Member = std::remove_cvref_t<decltype(member)>;
+    if constexpr (std::same_as<Member, BodyVelocity>) {  // its components are vx, vy, vw to everybody
+      look("vx", member.x);
+      if (found.empty()) look("vy", member.y);
+      if (found.empty()) look("vw", member.w);
+      return;
+    }
     if constexpr (std::is_floating_point_v<Member>) {
       look(F::name, member);
     } else if constexpr (is_optional<Member>) {
@@ -28,8 +35,7 @@ std::string first_not_finite(const T& value) {
       }
     } else if constexpr (Described<Member>) {
       const std::string inner = first_not_finite(member);
-      // What the field calls vx, vy, vw: the components of a velocity.
-      if (!inner.empty()) found = (std::same_as<Member, BodyVelocity> ? "v" : std::string{F::name} + '.') + inner;
+      if (!inner.empty()) found = std::string{F::name} + '.' + inner;
     }
   });
   return found;

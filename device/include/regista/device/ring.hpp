@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstddef>
@@ -37,6 +38,11 @@ class Ring {
       if (at == written_seen_) return nullptr;
     }
     return &(*elements_)[at % capacity];
+  }
+  /// Consumer: how many front() and pop() will give without fail.
+  std::size_t ready() {
+    written_seen_ = written_.load(std::memory_order_acquire);
+    return written_seen_ - read_.load(std::memory_order_relaxed);
   }
   /// Consumer: give the element back to the producer.
   void pop() { read_.store(read_.load(std::memory_order_relaxed) + 1, std::memory_order_release); }
@@ -94,7 +100,8 @@ class Mailbox {
 
   /// Before the threads run. Gives the number of a new lane.
   std::size_t add_lane() {
-    lanes_.push_back(std::make_unique<Lane>());
+    lanes_.push_back(std::make_unique<Latest<Item>>());
+    newest_.reserve(lanes_.size());
     return lanes_.size() - 1;
   }
 
@@ -106,35 +113,36 @@ class Mailbox {
       refused_.fetch_add(1, std::memory_order_relaxed);
       return false;
     }
-    Item& target = item != nullptr ? *item : lanes_[lane]->newest.back();
+    Item& target = item != nullptr ? *item : lanes_[lane]->back();
     target.number = ++number_;
-    target.lane = lane;
     fill(target.value);
     if (item != nullptr) {
       ring_.push();
-    } else if (lanes_[lane]->newest.publish()) {
+    } else if (lanes_[lane]->publish()) {
       replaced_.fetch_add(1, std::memory_order_relaxed);
     }
     return true;
   }
 
-  /// Consumer: `take(T&)` each item, oldest first, at most as many as the queue holds. How many there were.
+  /// Consumer: `take(T&)` each item in the order of put(), at most as many as the queue holds. How many there were.
   template <typename Take>
   std::size_t drain(Take&& take) {
-    std::size_t count = 0;
-    for (Item* item = ring_.front(); item != nullptr && count < capacity; item = ring_.front(), ++count) {
-      if (item->lane != no_lane) lanes_[item->lane]->taken = item->number;
-      take(item->value);
+    // First the ring, then the lanes: what was put into a lane before something that we see in the ring is seen, too.
+    const std::size_t waiting = ring_.ready();
+    newest_.clear();
+    for (const auto& lane : lanes_) {
+      if (Item* item = lane->take()) newest_.push_back(item);
+    }
+    std::ranges::sort(newest_, {}, &Item::number);
+    auto newest = newest_.begin();
+    for (std::size_t i = 0; i < waiting; ++i) {
+      Item& item = *ring_.front();
+      for (; newest != newest_.end() && (*newest)->number < item.number; ++newest) take((*newest)->value);
+      take(item.value);
       ring_.pop();
     }
-    for (const auto& lane : lanes_) {
-      Item* item = lane->newest.take();
-      if (item == nullptr || item->number < lane->taken) continue;
-      lane->taken = item->number;
-      take(item->value);
-      ++count;
-    }
-    return count;
+    for (; newest != newest_.end(); ++newest) take((*newest)->value);
+    return waiting + newest_.size();
   }
 
   // Any thread.
@@ -145,17 +153,13 @@ class Mailbox {
  private:
   struct Item {
     std::uint64_t number = 0;
-    std::size_t lane = no_lane;
     T value{};
-  };
-  struct Lane {
-    Latest<Item> newest;
-    std::uint64_t taken = 0;  ///< number of the last item that the consumer had
   };
 
   Ring<Item, capacity> ring_;
-  std::vector<std::unique_ptr<Lane>> lanes_;
-  std::uint64_t number_ = 0;
+  std::vector<std::unique_ptr<Latest<Item>>> lanes_;
+  std::vector<Item*> newest_;  ///< the consumer's, of one drain()
+  std::uint64_t number_ = 0;   ///< the producer's, of the last item
   std::atomic<std::uint64_t> replaced_{0};
   std::atomic<std::uint64_t> refused_{0};
 };
