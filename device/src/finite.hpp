@@ -19,12 +19,6 @@ std::string first_not_finite(const T& value) {
   for_each_field(value, [&]<typename F>(const F&, const auto& member) {
     if (!found.empty()) return;
     using Member = std::remove_cvref_t<decltype(member)>;
-    if constexpr (std::same_as<Member, BodyVelocity>) {  // its components are vx, vy, vw to everybody
-      look("vx", member.x);
-      if (found.empty()) look("vy", member.y);
-      if (found.empty()) look("vw", member.w);
-      return;
-    }
     if constexpr (std::is_floating_point_v<Member>) {
       look(F::name, member);
     } else if constexpr (is_optional<Member>) {
@@ -35,7 +29,8 @@ std::string first_not_finite(const T& value) {
       }
     } else if constexpr (Described<Member>) {
       const std::string inner = first_not_finite(member);
-      if (!inner.empty()) found = std::string{F::name} + '.' + inner;
+      // What the field calls vx, vy, vw: the components of a velocity.
+      if (!inner.empty()) found = (std::same_as<Member, BodyVelocity> ? "v" : std::string{F::name} + '.') + inner;
     }
   });
   return found;

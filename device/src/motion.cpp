@@ -294,7 +294,7 @@ Result<> MotionGroup::take(SessionId session, const Identity& who, bool blend, T
   }
   taken_over_ = state_ == MotionState::stopping;
   owner_ = Owner{session, who};
-  heard_ = now;
+  if (state_ != MotionState::driving) heard_ = now;  // to take is not to command: what moves gets no new lease
   changed_ = true;
   return {};
 }

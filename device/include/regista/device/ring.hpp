@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 namespace regista {
@@ -38,11 +39,6 @@ class Ring {
       if (at == written_seen_) return nullptr;
     }
     return &(*elements_)[at % capacity];
-  }
-  /// Consumer: how many front() and pop() will give without fail.
-  std::size_t ready() {
-    written_seen_ = written_.load(std::memory_order_acquire);
-    return written_seen_ - read_.load(std::memory_order_relaxed);
   }
   /// Consumer: give the element back to the producer.
   void pop() { read_.store(read_.load(std::memory_order_relaxed) + 1, std::memory_order_release); }
@@ -100,7 +96,7 @@ class Mailbox {
 
   /// Before the threads run. Gives the number of a new lane.
   std::size_t add_lane() {
-    lanes_.push_back(std::make_unique<Latest<Item>>());
+    lanes_.push_back(std::make_unique<Lane>());
     newest_.reserve(lanes_.size());
     return lanes_.size() - 1;
   }
@@ -113,36 +109,39 @@ class Mailbox {
       refused_.fetch_add(1, std::memory_order_relaxed);
       return false;
     }
-    Item& target = item != nullptr ? *item : lanes_[lane]->back();
-    target.number = ++number_;
+    Item& target = item != nullptr ? *item : lanes_[lane]->newest.back();
+    const std::uint64_t number = number_.load(std::memory_order_relaxed) + 1;
+    target.number = number;
     fill(target.value);
     if (item != nullptr) {
       ring_.push();
-    } else if (lanes_[lane]->publish()) {
+    } else if (lanes_[lane]->newest.publish()) {
       replaced_.fetch_add(1, std::memory_order_relaxed);
     }
+    number_.store(number, std::memory_order_release);
     return true;
   }
 
   /// Consumer: `take(T&)` each item in the order of put(), at most as many as the queue holds. How many there were.
   template <typename Take>
   std::size_t drain(Take&& take) {
-    // First the ring, then the lanes: what was put into a lane before something that we see in the ring is seen, too.
-    const std::size_t waiting = ring_.ready();
+    // All up to this number is to be seen. What is newer waits for the next time: something between may be unseen.
+    const std::uint64_t until = number_.load(std::memory_order_acquire);
     newest_.clear();
     for (const auto& lane : lanes_) {
-      if (Item* item = lane->take()) newest_.push_back(item);
+      if (lane->held == nullptr) lane->held = lane->newest.take();
+      if (lane->held != nullptr && lane->held->number <= until) newest_.push_back(std::exchange(lane->held, nullptr));
     }
     std::ranges::sort(newest_, {}, &Item::number);
+    std::size_t count = newest_.size();
     auto newest = newest_.begin();
-    for (std::size_t i = 0; i < waiting; ++i) {
-      Item& item = *ring_.front();
-      for (; newest != newest_.end() && (*newest)->number < item.number; ++newest) take((*newest)->value);
-      take(item.value);
+    for (Item* item = ring_.front(); item != nullptr && item->number <= until; item = ring_.front(), ++count) {
+      for (; newest != newest_.end() && (*newest)->number < item->number; ++newest) take((*newest)->value);
+      take(item->value);
       ring_.pop();
     }
     for (; newest != newest_.end(); ++newest) take((*newest)->value);
-    return waiting + newest_.size();
+    return count;
   }
 
   // Any thread.
@@ -155,11 +154,15 @@ class Mailbox {
     std::uint64_t number = 0;
     T value{};
   };
+  struct Lane {
+    Latest<Item> newest;
+    Item* held = nullptr;  ///< the consumer's: taken, but newer than what it may see yet
+  };
 
   Ring<Item, capacity> ring_;
-  std::vector<std::unique_ptr<Latest<Item>>> lanes_;
-  std::vector<Item*> newest_;  ///< the consumer's, of one drain()
-  std::uint64_t number_ = 0;   ///< the producer's, of the last item
+  std::vector<std::unique_ptr<Lane>> lanes_;
+  std::vector<Item*> newest_;             ///< the consumer's, of one drain()
+  std::atomic<std::uint64_t> number_{0};  ///< of the last item that was put
   std::atomic<std::uint64_t> replaced_{0};
   std::atomic<std::uint64_t> refused_{0};
 };
