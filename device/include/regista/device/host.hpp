@@ -41,8 +41,8 @@ struct HostMetrics {
 struct HostOptions {
   double rate_hz = 50;
   bool always_on = false;
-  std::int32_t priority = 10;        ///< with which the driver commands the devices that it requires
-  std::vector<MotionPolicy> motion;  ///< one for each port
+  std::int32_t priority = 10;          ///< with which the driver commands the devices that it requires
+  std::vector<MotionPolicy> motion{};  ///< one for each port
 };
 
 /// Runs one driver: its beat, its messages, the rules of motion, and what happens when it fails. Everything that a
