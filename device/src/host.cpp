@@ -608,7 +608,10 @@ void DriverHost::shut_down(Time now) {
   open_ = false;
   publish_changed_motion();
   for (RequiredCore& device : setup_->required) attend(device, false);
-  for (Channel& channel : channels_) channel.link.user->notify();
+}
+
+void DriverHost::notify_users() const {
+  for (const Channel& channel : channels_) channel.link.user->notify();
 }
 
 void DriverHost::put(Channel& channel, Outbound&& item) {

@@ -48,8 +48,7 @@ void HostThread::run() {
   }
   host_.shut_down(Clock::now());
   stopped_.store(true, std::memory_order_release);
-  // Whoever waits for this looks when woken; the wake-ups are in shut_down, before the flag: once more.
-  host_.wakeup().notify();
+  host_.notify_users();
 }
 
 }  // namespace regista

@@ -72,6 +72,8 @@ class DriverHost {
   Time cycle(Time now, bool descriptor_ready = false);
   /// Bring everything to rest, tell why, and close.
   void shut_down(Time now);
+  /// Wake everybody who is joined.
+  void notify_users() const;
   [[nodiscard]] std::span<const int> descriptors() const;
 
   // Any thread.
