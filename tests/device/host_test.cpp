@@ -132,7 +132,7 @@ struct Bench {
   bool drive(double x, SessionId session = alice) {
     return command(base, VelocityCommand{.velocity = {.x = x}}, session);
   }
-  bool post(std::size_t port, std::variant<AnyCommand, AnyRequest, Gone> message, SessionId session = alice) {
+  bool post(std::size_t port, decltype(Inbound::message) message, SessionId session = alice) {
     return link->down.put(link->down.no_lane, [&](Inbound& in) {
       in = {.session = session,
             .port = port,
@@ -500,7 +500,7 @@ TEST(DriverHost, stops_when_the_owner_closes_or_is_gone) {
   for (const bool close : {true, false}) {
     ASSERT_TRUE(bench.subscribe());
     ASSERT_TRUE(bench.subscribe(base, Access::open, bob));
-    bench.ask(base, player::Identify{.name = "teleop@host", .priority = 20});
+    bench.post(base, Identity{.name = "teleop@host", .priority = 20});
     bench.drive(1);
     bench.run(20ms);
     ASSERT_EQ(bench.driver->velocity.x, 1);
