@@ -14,6 +14,7 @@ double quantise(double value, double step) { return step > 0 ? step * std::round
 Imu::Imu(const ImuParameters& p) : parameters_{p}, random_{p.seed} {
   require_not_negative("accel_noise_mps2", p.accel_noise_mps2);
   require_not_negative("accel_bias_mps2", p.accel_bias_mps2);
+  require_not_negative("accel_bias_walk_mps2_per_root_s", p.accel_bias_walk_mps2_per_root_s);
   require_not_negative("accel_step_mps2", p.accel_step_mps2);
   require_not_negative("gyro_noise_radps", p.gyro_noise_radps);
   require_not_negative("gyro_bias_radps", p.gyro_bias_radps);
@@ -30,6 +31,9 @@ Imu::Imu(const ImuParameters& p) : parameters_{p}, random_{p.seed} {
 
 Imu::Reading Imu::read(double accel_x_mps2, double accel_y_mps2, double rate_radps, double dt_s) {
   constexpr double gravity_mps2 = 9.80665;
+  const double accel_walk_mps2 = parameters_.accel_bias_walk_mps2_per_root_s * std::sqrt(dt_s);
+  bias_x_mps2_ += random_.normal(accel_walk_mps2);
+  bias_y_mps2_ += random_.normal(accel_walk_mps2);
   bias_radps_ += random_.normal(parameters_.gyro_bias_walk_radps_per_root_s * std::sqrt(dt_s));
   // The specific force (ax, ay, g) in axes turned by the mounting's roll, pitch and yaw, to first order.
   const double x = accel_x_mps2 + yaw_rad_ * accel_y_mps2 - pitch_rad_ * gravity_mps2;

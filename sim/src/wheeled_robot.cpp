@@ -141,7 +141,10 @@ void WheeledRobot::run_boards(double h) {
   until_loop_s_ -= h;
   if (until_loop_s_ > 0) return;
   until_loop_s_ += parameters_.loop.period_s;
+  const double rough_kept = std::exp(-parameters_.loop.period_s / parameters_.rough_s);
+  const double rough_sd = parameters_.rough_nm * std::sqrt(1 - rough_kept * rough_kept);
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    if (rough_sd > 0) wheels_[i].rough_nm = rough_kept * wheels_[i].rough_nm + random_.normal(rough_sd);
     const Targets& target = parameters_.hop_s > 0 ? chain_[i] : input_;
     wheels_[i].duty = wheels_[i].loop.duty(target[i] * wheels_[i].wheel.gear);
   }
@@ -153,8 +156,6 @@ void WheeledRobot::sub_step(double h) {
   const double load_n = parameters_.mass_kg * gravity_mps2 / static_cast<double>(wheels_.size());
   const double k2_over_r = motor.torque_constant_nm_per_a * motor.torque_constant_nm_per_a / motor.resistance_ohm;
   const double creep2 = parameters_.creep_mps * parameters_.creep_mps;
-  const double rough_kept = std::exp(-h / parameters_.rough_s);
-  const double rough_sd = parameters_.rough_nm * std::sqrt(1 - rough_kept * rough_kept);
 
   BodyVelocity& v = state_.velocity;
   auto [force_x, force_y, torque] = push_;
@@ -177,7 +178,6 @@ void WheeledRobot::sub_step(double h) {
     const double damping = gear * gear * k2_over_r + drive.wheel.viscous_nm_s + stiffness * radius * radius;
     const double drive_nm =
         gear * motor.torque_constant_nm_per_a * volts / motor.resistance_ohm + stiffness * radius * v_along;
-    if (parameters_.rough_nm > 0) drive.rough_nm = rough_kept * drive.rough_nm + random_.normal(rough_sd);
     const double friction_nm = std::max(0.0, gear * motor.friction_nm() + drive.wheel.coulomb_nm + drive.rough_nm);
     const double per_h = drive.inertia_kg_m2 / h;
     const double impulse = per_h * wheel.speed_radps + drive_nm;  // friction takes from it, down to rest at most

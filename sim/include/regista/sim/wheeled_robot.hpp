@@ -51,7 +51,7 @@ WheeledRobotParameters differential_robot(double track_m, double mass_kg);
 
 /// A rigid body on driven wheels, in the plane: motors, their boards, battery, friction and slip. Each wheel bears the
 /// same load. A contact pushes with μN · slip / √(slip² + creep²): creep under small forces, μN at most. Deterministic
-/// from its parameters. One second takes some 0.2 ms.
+/// from its parameters. One second takes some 0.5 ms.
 class WheeledRobot {
  public:
   static constexpr std::size_t max_wheels = 8;
