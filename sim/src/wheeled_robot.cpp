@@ -124,9 +124,12 @@ void WheeledRobot::place(const Pose2d& pose, const BodyVelocity& velocity) {
 
 const WheeledRobot::State& WheeledRobot::step(Duration dt) {
   const SubSteps steps{dt, longest_sub_step_s};
+  if (steps.count > 0) state_.accel_x_mps2 = state_.accel_y_mps2 = 0;
   for (int i = 0; i < steps.count; ++i) {
     run_boards(steps.length_s);
-    sub_step(steps.length_s);
+    const auto [accel_x, accel_y] = sub_step(steps.length_s);
+    state_.accel_x_mps2 += accel_x / steps.count;
+    state_.accel_y_mps2 += accel_y / steps.count;
   }
   return state_;
 }
@@ -150,7 +153,7 @@ void WheeledRobot::run_boards(double h) {
   }
 }
 
-void WheeledRobot::sub_step(double h) {
+std::array<double, 2> WheeledRobot::sub_step(double h) {
   const MotorParameters& motor = parameters_.motor;
   const double supply_v = battery_.voltage_v();
   const double load_n = parameters_.mass_kg * gravity_mps2 / static_cast<double>(wheels_.size());
@@ -199,15 +202,15 @@ void WheeledRobot::sub_step(double h) {
   }
   battery_.draw(supply_a, from_seconds(h));
 
-  // Newton in the field frame; turning the velocity back by half the angle before and half after keeps the speed exact.
-  state_.accel_x_mps2 = force_x / parameters_.mass_kg;
-  state_.accel_y_mps2 = force_y / parameters_.mass_kg;
+  // Newton in the field frame, where a free body's velocity stays as it is.
+  const double accel_x = force_x / parameters_.mass_kg;
+  const double accel_y = force_y / parameters_.mass_kg;
   const BodyVelocity old = v;
   const double new_w = old.w + h * torque / parameters_.inertia_kg_m2;
   const double turn = h * (old.w + new_w) / 2;
   FieldVelocity field = to_field(old, state_.pose.heading);
-  const FieldVelocity change = to_field(BodyVelocity{.x = h * state_.accel_x_mps2, .y = h * state_.accel_y_mps2},
-                                        state_.pose.heading + turn / 2);
+  const FieldVelocity change =
+      to_field(BodyVelocity{.x = h * accel_x, .y = h * accel_y}, state_.pose.heading + turn / 2);
   state_.pose.x += h * (field.x + change.x / 2);
   state_.pose.y += h * (field.y + change.y / 2);
   field.x += change.x;
@@ -215,6 +218,7 @@ void WheeledRobot::sub_step(double h) {
   field.w = new_w;
   state_.pose.heading = wrap_angle(state_.pose.heading + turn);
   v = to_body(field, state_.pose.heading);
+  return {accel_x, accel_y};
 }
 
 }  // namespace regista::sim

@@ -68,7 +68,7 @@ class WheeledRobot {
   struct State {
     Pose2d pose;              ///< truth, in the field
     BodyVelocity velocity;    ///< truth
-    double accel_x_mps2 = 0;  ///< truth, in the body frame: what an accelerometer at the centre feels
+    double accel_x_mps2 = 0;  ///< truth, mean over the step, in the body frame: what an accelerometer feels
     double accel_y_mps2 = 0;
     std::array<WheelState, max_wheels> wheels;
   };
@@ -101,7 +101,7 @@ class WheeledRobot {
     double rough_nm = 0;
   };
 
-  void sub_step(double h);
+  std::array<double, 2> sub_step(double h);  // the acceleration in it, x and y of the body [m/s²]
   void run_boards(double h);
 
   WheeledRobotParameters parameters_;
