@@ -6,7 +6,7 @@ namespace regista::control {
 std::string_view to_string(Verdict verdict) {
   switch (verdict) {
     case Verdict::none:
-      return "none yet";
+      return "nothing yet";
     case Verdict::fused:
       return "fused";
     case Verdict::initialised:

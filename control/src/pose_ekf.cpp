@@ -248,11 +248,15 @@ std::string to_string(const PoseEkf::Explanation& e) {
          << " m, heading sd " << e.heading_sd_rad << " rad";
   }
   const auto line = [&text](std::string_view name, const SensorRecord& record) {
-    text << '\n'
-         << name << ": " << record.taken << " taken, " << record.refused << " refused, " << record.restarts
-         << " restarts; last " << to_string(record.last.verdict);
+    text << '\n' << name << ": ";
+    if (record.last.verdict == Verdict::none) {
+      text << "nothing yet";
+      return;
+    }
+    text << record.taken << " taken, " << record.refused << " refused, " << record.restarts << " restarts; last "
+         << to_string(record.last.verdict);
     if (record.last.nis > 0) text << " (NIS " << record.last.nis << ")";
-    text << "; last taken " << seconds(record.unseen) << " s ago";
+    if (record.taken > 0) text << "; last taken " << seconds(record.unseen) << " s ago";
   };
   line("wheels", e.wheels);
   line("gyro", e.gyro);

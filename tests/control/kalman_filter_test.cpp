@@ -31,8 +31,8 @@ TEST(KalmanFilter, moves_towards_a_measurement_by_the_ratio_of_the_variances) {
 
 TEST(KalmanFilter, keeps_everything_when_the_gate_refuses) {
   KalmanFilter<2> filter;
-  const auto result = filter.correct<1>(Eigen::Matrix<double, 1, 1>{10}, Eigen::RowVector2d{1, 0},
-                                        Eigen::Matrix<double, 1, 1>{1}, 7);
+  const auto result =
+      filter.correct<1>(Eigen::Matrix<double, 1, 1>{10}, Eigen::RowVector2d{1, 0}, Eigen::Matrix<double, 1, 1>{1}, 7);
   EXPECT_FALSE(result.fused);
   EXPECT_DOUBLE_EQ(result.nis, 50);
   EXPECT_EQ(filter.x, Eigen::Vector2d::Zero());
@@ -62,7 +62,8 @@ TEST(KalmanFilter, two_channels_are_two_filters) {
     first.predict(f, q, input.col(0));
     second.predict(f, q, input.col(1));
     const double nis = both.correct<1>(y, h, r, no_gate).nis;
-    const double separate = first.correct<1>(y.col(0), h, r, no_gate).nis + second.correct<1>(y.col(1), h, r, no_gate).nis;
+    const double separate =
+        first.correct<1>(y.col(0), h, r, no_gate).nis + second.correct<1>(y.col(1), h, r, no_gate).nis;
     EXPECT_NEAR(nis, separate, 1e-12);
     EXPECT_TRUE(both.x.col(0).isApprox(first.x, 1e-12));
     EXPECT_TRUE(both.x.col(1).isApprox(second.x, 1e-12));
