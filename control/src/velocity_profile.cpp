@@ -18,6 +18,8 @@ struct Move {
   double sign;
 };
 
+constexpr double tiny = 1e-300;  // keeps a quotient of zeros from being NaN
+
 /// What it covers to change from one velocity to another.
 double ramp_distance(double from, double to, double acceleration) {
   return 0.5 * (from + to) * std::abs(to - from) / acceleration;
@@ -32,6 +34,7 @@ Move mirrored(const AxisState& start, const AxisState& goal, double acceleration
 struct Cruise {
   double velocity;
   double duration_s;  ///< of the whole move
+  double slope_s;     ///< of the duration, over the logarithm of a factor on both limits
 };
 
 // Up (or down from above the limit) to the cruising velocity u and down to v1. Without a limit the two ramps meet at
@@ -43,15 +46,19 @@ Cruise quickest_cruise(const Move& move, const AxisLimits& limits) {
   const double peak_squared = a * distance + 0.5 * (v0 * v0 + v1 * v1);
   if (peak_squared <= limits.speed * limits.speed) {
     const double peak = std::max({std::sqrt(std::max(peak_squared, 0.0)), v0, v1});
-    return {.velocity = peak, .duration_s = (2 * peak - v0 - v1) / a};
+    const double duration_s = (2 * peak - v0 - v1) / a;
+    return {.velocity = peak, .duration_s = duration_s, .slope_s = distance / (peak + tiny) - duration_s};
   }
   const double u = limits.speed;
-  const double rest = distance - ramp_distance(v0, u, a) - ramp_distance(u, v1, a);
-  return {.velocity = u, .duration_s = (std::abs(u - v0) + std::abs(v1 - u)) / a + std::max(rest, 0.0) / u};
-}
-
-double quickest_duration(const AxisState& start, const AxisState& goal, const AxisLimits& limits) {
-  return quickest_cruise(mirrored(start, goal, limits.acceleration), limits).duration_s;
+  const double up = std::abs(u - v0);
+  const double down = std::abs(v1 - u);
+  // up/a + down/a + (distance - ramps)/u, gathered
+  const double way = a * distance;
+  const double lost = up * (u - v0) + down * (u - v1);
+  const double inverse = 1 / (a * u);
+  return {.velocity = u,
+          .duration_s = (way + 0.5 * lost) * inverse,
+          .slope_s = ((up + down) * u - way - lost) * inverse};
 }
 
 /// Nothing to do, for as long as one likes.
@@ -100,10 +107,11 @@ std::optional<AxisProfile> AxisProfile::lasting(double duration_s, const AxisSta
   const double difference = a * duration_s - v0 - v1;
   const double dip = a * distance - 0.5 * (v0 * v0 + v1 * v1);
   const double below = 0.5 * (std::sqrt(difference * difference + 4 * dip) - difference);
-  for (const double u : {above, between, below}) {
+  for (const double root : {above, between, below}) {
+    const double u = std::clamp(root, -limits.speed, limits.speed);  // a double root has lost half of its digits
     const double ramps_s = (std::abs(u - v0) + std::abs(v1 - u)) / a;
     const double covered = ramp_distance(v0, u, a) + ramp_distance(u, v1, a) + u * (duration_s - ramps_s);
-    if (std::abs(u) <= limits.speed * (1 + 1e-12) && ramps_s <= duration_s * (1 + 1e-12) &&
+    if (ramps_s <= duration_s * (1 + 1e-12) &&
         std::abs(covered - distance) <= 1e-12 * (1 + std::abs(distance))) {
       return AxisProfile{start, sign * u, goal.velocity, a, duration_s};
     }
@@ -169,21 +177,37 @@ struct Plane {
   AxisState y;
 };
 
+/// Without the care for overflow of std::hypot, which no sane number needs.
+double length(double x, double y) { return std::sqrt(x * x + y * y); }
+
 /// Where the velocity is taken in a straight line, before the axes go their ways.
 enum class LeadTo { nowhere, split, rest };
 
-/// One way to divide the limits between the axes, and how long they then take.
-struct Division {
+/// The limits shared between the axes at an angle α, and how long the lead then takes and each axis.
+struct Split {
+  double cosine = 1;
+  double sine = 0;
   double lead_s = 0;
-  double lead_acceleration_x = 0;
-  double lead_acceleration_y = 0;
-  Plane start;  ///< after the lead
-  AxisLimits x_limits;
-  AxisLimits y_limits;
-  double x_s = 0;
-  double y_s = 0;
+  Cruise x{};
+  Cruise y{};
 
-  [[nodiscard]] double duration_s() const { return lead_s + std::max(x_s, y_s); }
+  [[nodiscard]] double duration_s() const { return lead_s + std::max(x.duration_s, y.duration_s); }
+};
+
+/// Constant acceleration of x and y, and where it ends.
+struct Led {
+  double duration_s = 0;
+  double acceleration_x = 0;
+  double acceleration_y = 0;
+  Plane end;
+};
+
+struct Translation {
+  Led led;
+  AxisProfile x;
+  AxisProfile y;
+
+  [[nodiscard]] double duration_s() const { return led.duration_s + x.duration_s(); }
 };
 
 class SplitSearch {
@@ -191,69 +215,135 @@ class SplitSearch {
   SplitSearch(const Plane& start, const Plane& goal, const MotionLimits& limits, LeadTo lead_to)
       : start_{start}, goal_{goal}, speed_{limits.speed_mps}, acceleration_{limits.acceleration_mps2}, to_{lead_to} {}
 
-  /// The quickest division. The duration of x grows with α and that of y falls, so where they are equal the later of
-  /// the two is least. The unknown is log tan α, in which log(x_s / y_s) is nearly a line of slope 1/2 to 1, so that a
-  /// secant takes four steps where bisection takes thirty.
-  [[nodiscard]] Division best() const {
-    if (rests(start_.y, goal_.y)) return divide(1, 0);
-    if (rests(start_.x, goal_.x)) return divide(0, 1);
+  /// The duration of x grows with α and that of y falls, so where they are equal the later of the two is least. The
+  /// unknown is z = log tan α: the logarithm of their ratio is nearly a line in it, so that Newton's method takes four
+  /// steps where bisection takes thirty. Brackets guard it.
+  [[nodiscard]] Split best() const {
+    if (rests(start_.y, goal_.y)) return split(1, 0);
+    if (rests(start_.x, goal_.x)) return split(0, 1);
 
     // α for which the goal's velocity is within the limits of both axes
-    const double v = speed_;
-    double low = log_ratio(std::abs(goal_.y.velocity), root_of_difference(v, goal_.y.velocity));
-    double high = log_ratio(root_of_difference(v, goal_.x.velocity), std::abs(goal_.x.velocity));
-    double low_h = 0;
-    double high_h = 0;
+    const double gx = std::abs(goal_.x.velocity);
+    const double gy = std::abs(goal_.y.velocity);
+    double low = gy == 0 ? -80 : log_ratio(gy, other_leg(speed_, gy));
+    double high = gx == 0 ? 80 : std::max(log_ratio(other_leg(speed_, gx), gx), low);
+    double z = std::clamp(log_ratio(need(start_.y, goal_.y), need(start_.x, goal_.x)), low, high);
     bool low_known = false;
     bool high_known = false;
-    double z = std::clamp(log_ratio(need(start_.y, goal_.y), need(start_.x, goal_.x)), low, std::max(low, high));
     double at_least = 0;  // no α is quicker than this
-    Division best;
+    double last_z = z;
+    double last_error = std::numeric_limits<double>::infinity();
     double best_s = std::numeric_limits<double>::infinity();
-    int side = 0;
-    for (int i = 0; i < 40; ++i) {
+    Split best;
+    for (int i = 0; i < 60; ++i) {
       const double tangent = std::exp(z);
       const double cosine = 1 / std::sqrt(1 + tangent * tangent);
-      const Division now = divide(cosine, tangent * cosine);
+      const Split now = split(cosine, tangent * cosine);
       if (now.duration_s() < best_s) {
         best = now;
         best_s = now.duration_s();
       }
-      at_least = std::max(at_least, now.lead_s + std::min(now.x_s, now.y_s));
+      const double x_s = now.x.duration_s + tiny;
+      const double y_s = now.y.duration_s + tiny;
+      at_least = std::max(at_least, now.lead_s + std::min(x_s, y_s));
       if (best_s - at_least <= 1e-10 * (1 + best_s)) break;
 
-      const double h = std::log((now.x_s + tiny) / (now.y_s + tiny));
-      if (h < 0) {
-        if (low_known && side < 0) high_h *= 0.5;  // Illinois: the end that stays loses weight
-        low = z;
-        low_h = h;
-        low_known = true;
-        side = -1;
-      } else {
-        if (high_known && side > 0) low_h *= 0.5;
-        high = z;
-        high_h = h;
-        high_known = true;
-        side = 1;
-      }
-      if (high - low <= 1e-15 * std::abs(z)) break;
-      if (low_known && high_known) {
-        z = low - low_h * (high - low) / (high_h - low_h);
-        if (!(z > low && z < high)) z = 0.5 * (low + high);
-      } else {
-        const double step = -h / 0.75 * (1 + i);
-        if (z == (h < 0 ? high : low)) break;  // the goal's velocity forbids to go on
-        z = std::clamp(z + step, low, high);
-      }
+      const double error = std::log(x_s / y_s);
+      if (z == (error < 0 ? high : low)) break;  // the goal's velocity forbids to go on
+      (error < 0 ? low : high) = z;
+      (error < 0 ? low_known : high_known) = true;
+      const bool slow = std::abs(error) > 0.25 * std::abs(last_error);
+      double slope = -now.sine * now.sine * now.x.slope_s / x_s - now.cosine * now.cosine * now.y.slope_s / y_s;
+      if (slow) slope = (error - last_error) / (z - last_z);  // the lead is not in the slope: take the secant
+      double next = std::clamp(z - error / std::max(slope, 0.1), low, high);
+      if (slow && low_known && high_known) next = 0.5 * (low + high);
+      if (next == z) break;
+      last_z = z;
+      z = next;
+      last_error = error;
     }
     return best;
   }
 
- private:
-  static constexpr double tiny = 1e-300;
+  /// Whether a split other than `best()` may take less than `duration_s`. With a share too small for its start
+  /// velocity an axis takes less time the smaller the share, until it only just stops in time, after 2 d / v0. The
+  /// derivative of the duration says when: a d > v0 v_max.
+  [[nodiscard]] bool another_may_be_quicker(double duration_s) const {
+    const auto dips = [&](const AxisState& start, const AxisState& goal) {
+      const double distance = (goal.position - start.position) * (start.velocity < 0 ? -1 : 1);
+      const double v0 = std::abs(start.velocity);
+      return acceleration_ * distance > v0 * speed_ && 2 * distance < duration_s * v0;
+    };
+    return goal_.x.velocity == 0 && goal_.y.velocity == 0 && (dips(start_.x, goal_.x) || dips(start_.y, goal_.y));
+  }
 
-  static double root_of_difference(double hypotenuse, double leg) {
-    return std::sqrt(std::max((hypotenuse - std::abs(leg)) * (hypotenuse + std::abs(leg)), 0.0));
+  /// The published split: α halved from 45° towards the axis that ends later, until they end within a millisecond.
+  [[nodiscard]] Split published() const {
+    double alpha = std::numbers::pi / 4;
+    Split now = split(std::cos(alpha), std::sin(alpha));
+    for (double step = std::numbers::pi / 8; step > 1e-7; step /= 2) {
+      if (std::abs(now.x.duration_s - now.y.duration_s) < 1e-3) break;
+      alpha += now.x.duration_s > now.y.duration_s ? -step : step;
+      now = split(std::cos(alpha), std::sin(alpha));
+    }
+    return now;
+  }
+
+  /// Both axes at once, for as long as the later needs. Empty when the earlier cannot last so long, or when together
+  /// they are too fast on the way.
+  [[nodiscard]] std::optional<Translation> translation(const Split& split) const {
+    const Led led = lead(split.cosine, split.sine);
+    const auto& [x, y] = led.end;
+    const AxisLimits x_limits = limits_of(split.cosine);
+    const AxisLimits y_limits = limits_of(split.sine);
+    const bool x_is_later = split.x.duration_s >= split.y.duration_s;
+    const auto earlier = x_is_later ? AxisProfile::lasting(split.x.duration_s, y, goal_.y, y_limits)
+                                    : AxisProfile::lasting(split.y.duration_s, x, goal_.x, x_limits);
+    if (!earlier) return std::nullopt;
+    const Translation together{
+        .led = led,
+        .x = x_is_later ? AxisProfile::quickest(x, goal_.x, x_limits) : *earlier,
+        .y = x_is_later ? *earlier : AxisProfile::quickest(y, goal_.y, y_limits)};
+    if (std::abs(x.velocity) <= x_limits.speed && std::abs(y.velocity) <= y_limits.speed) return together;
+
+    // Between two switches the square of the speed is a convex parabola of time: it is largest at one of them.
+    const auto too_fast = [&](double time_s) {
+      return length(together.x.at(time_s).velocity, together.y.at(time_s).velocity) > speed_ * (1 + 1e-9);
+    };
+    const auto x_switches = together.x.switches_s();
+    const auto y_switches = together.y.switches_s();
+    if (std::any_of(x_switches.begin(), x_switches.end(), too_fast) ||
+        std::any_of(y_switches.begin(), y_switches.end(), too_fast)) {
+      return std::nullopt;
+    }
+    return together;
+  }
+
+ private:
+  /// The straight line in velocity space, at full acceleration, to where the lead ends.
+  [[nodiscard]] Led lead(double cosine, double sine) const {
+    const double share_x = to_ == LeadTo::rest ? 0 : speed_ * cosine;
+    const double share_y = to_ == LeadTo::rest ? 0 : speed_ * sine;
+    const AxisState& x = start_.x;
+    const AxisState& y = start_.y;
+    const double to_x = std::clamp(x.velocity, -share_x, share_x);
+    const double to_y = std::clamp(y.velocity, -share_y, share_y);
+    const double change = length(to_x - x.velocity, to_y - y.velocity);
+    if (to_ == LeadTo::nowhere || change == 0) return {.end = start_};
+    const double duration_s = change / acceleration_;
+    return {.duration_s = duration_s,
+            .acceleration_x = (to_x - x.velocity) / duration_s,
+            .acceleration_y = (to_y - y.velocity) / duration_s,
+            .end = {.x = {.position = x.position + 0.5 * (x.velocity + to_x) * duration_s, .velocity = to_x},
+                    .y = {.position = y.position + 0.5 * (y.velocity + to_y) * duration_s, .velocity = to_y}}};
+  }
+
+  [[nodiscard]] AxisLimits limits_of(double share) const {
+    return {.speed = speed_ * share, .acceleration = acceleration_ * share};
+  }
+
+  static double other_leg(double hypotenuse, double leg) {
+    return std::sqrt(std::max((hypotenuse - leg) * (hypotenuse + leg), 0.0));
   }
 
   /// log(a / b), kept where e to it and its square are finite.
@@ -264,41 +354,49 @@ class SplitSearch {
     return std::abs(goal.position - start.position) + 0.5 * start.velocity * start.velocity / acceleration_;
   }
 
-  [[nodiscard]] Division divide(double cosine, double sine) const {
-    Division division{.start = start_,
-                      .x_limits = {.speed = speed_ * cosine, .acceleration = acceleration_ * cosine},
-                      .y_limits = {.speed = speed_ * sine, .acceleration = acceleration_ * sine}};
-    if (to_ != LeadTo::nowhere) lead(division);
-    const Plane& from = division.start;
-    if (!rests(from.x, goal_.x)) division.x_s = quickest_duration(from.x, goal_.x, division.x_limits);
-    if (!rests(from.y, goal_.y)) division.y_s = quickest_duration(from.y, goal_.y, division.y_limits);
-    return division;
+  [[nodiscard]] Split split(double cosine, double sine) const {
+    if (to_ == LeadTo::nowhere) return split(cosine, sine, start_, 0);
+    const Led led = lead(cosine, sine);
+    return split(cosine, sine, led.end, led.duration_s);
   }
 
-  void lead(Division& division) const {
-    const AxisState& x = start_.x;
-    const AxisState& y = start_.y;
-    const double to_x = to_ == LeadTo::rest
-                            ? 0
-                            : std::clamp(x.velocity, -division.x_limits.speed, division.x_limits.speed);
-    const double to_y = to_ == LeadTo::rest
-                            ? 0
-                            : std::clamp(y.velocity, -division.y_limits.speed, division.y_limits.speed);
-    const double change = std::hypot(to_x - x.velocity, to_y - y.velocity);
-    if (change == 0) return;
-    division.lead_s = change / acceleration_;
-    division.lead_acceleration_x = acceleration_ * (to_x - x.velocity) / change;
-    division.lead_acceleration_y = acceleration_ * (to_y - y.velocity) / change;
-    division.start = {.x = {.position = after(x, division.lead_acceleration_x, division.lead_s).position, .velocity = to_x},
-                      .y = {.position = after(y, division.lead_acceleration_y, division.lead_s).position, .velocity = to_y}};
+  [[nodiscard]] Split split(double cosine, double sine, const Plane& from, double lead_s) const {
+    return {.cosine = cosine,
+            .sine = sine,
+            .lead_s = lead_s,
+            .x = cruise(from.x, goal_.x, limits_of(cosine)),
+            .y = cruise(from.y, goal_.y, limits_of(sine))};
   }
 
-  Plane start_;
-  Plane goal_;
+  static Cruise cruise(const AxisState& start, const AxisState& goal, const AxisLimits& limits) {
+    if (rests(start, goal)) return {};
+    return quickest_cruise(mirrored(start, goal, limits.acceleration), limits);
+  }
+
+  const Plane& start_;
+  const Plane& goal_;
   double speed_;
   double acceleration_;
   LeadTo to_;
 };
+
+// The published split first. When the start is too fast for one axis's share, it may speed up beyond the vector limit:
+// then the velocity is first taken into the shares, in a straight line, which keeps both limits. Only goals in motion
+// may still be out of reach for both axes together; from rest, every goal is within reach at every later time.
+std::optional<Translation> quickest_translation(const Plane& start, const Plane& goal, const MotionLimits& limits) {
+  const SplitSearch direct{start, goal, limits, LeadTo::nowhere};
+  auto translation = direct.translation(direct.best());
+  if (!translation || direct.another_may_be_quicker(translation->duration_s())) {
+    const auto other = direct.translation(direct.published());
+    if (other && (!translation || other->duration_s() < translation->duration_s())) translation = other;
+  }
+  for (const LeadTo lead_to : {LeadTo::split, LeadTo::rest}) {
+    if (translation) break;
+    const SplitSearch led{start, goal, limits, lead_to};
+    translation = led.translation(led.best());
+  }
+  return translation;
+}
 
 // The quickest of the turns that end at the same heading: those that reach just beyond and just short of where the
 // change of turn rate alone would lead.
@@ -332,7 +430,7 @@ MotionPlanner::MotionPlanner(const MotionLimits& limits) : limits_{limits} {
 
 std::optional<MotionPlan> MotionPlanner::plan(const MotionState& start, const MotionState& goal) const {
   const double v_max = limits_.speed_mps;
-  if (!all_sane(start) || !all_sane(goal) || std::hypot(goal.velocity.x, goal.velocity.y) > v_max ||
+  if (!all_sane(start) || !all_sane(goal) || length(goal.velocity.x, goal.velocity.y) > v_max ||
       std::abs(goal.velocity.w) > limits_.turn_rate_radps) {
     return std::nullopt;
   }
@@ -345,7 +443,7 @@ std::optional<MotionPlan> MotionPlanner::plan(const MotionState& start, const Mo
   Plane from{.x = plan.start_x_, .y = plan.start_y_};
   const Plane to{.x = {.position = goal.pose.x, .velocity = goal.velocity.x},
                  .y = {.position = goal.pose.y, .velocity = goal.velocity.y}};
-  const double speed = std::hypot(start.velocity.x, start.velocity.y);
+  const double speed = length(start.velocity.x, start.velocity.y);
   if (speed > v_max) {
     plan.brake_ = {.duration_s = (speed - v_max) / limits_.acceleration_mps2,
                    .acceleration_x = -limits_.acceleration_mps2 * start.velocity.x / speed,
@@ -354,38 +452,14 @@ std::optional<MotionPlan> MotionPlanner::plan(const MotionState& start, const Mo
     from.y = after(from.y, plan.brake_.acceleration_y, plan.brake_.duration_s);
   }
 
-  // The published split first. It may speed up beyond the vector limit when the start is too fast for one axis's
-  // share: then the velocity is first taken into the shares, in a straight line, which keeps both limits. Only goals
-  // in motion may still be out of reach together; from rest, every goal is within reach at every later time.
-  for (const LeadTo lead_to : {LeadTo::nowhere, LeadTo::split, LeadTo::rest}) {
-    const Division split = SplitSearch{from, to, limits_, lead_to}.best();
-    const bool x_is_later = split.x_s >= split.y_s;
-    const double together_s = std::max(split.x_s, split.y_s);
-    const auto& [x, y] = split.start;
-    const auto earlier = x_is_later ? AxisProfile::lasting(together_s, y, to.y, split.y_limits)
-                                    : AxisProfile::lasting(together_s, x, to.x, split.x_limits);
-    if (!earlier) continue;
-    plan.turn_in_ = {.duration_s = split.lead_s,
-                     .acceleration_x = split.lead_acceleration_x,
-                     .acceleration_y = split.lead_acceleration_y};
-    plan.x_ = x_is_later ? AxisProfile::quickest(x, to.x, split.x_limits) : *earlier;
-    plan.y_ = x_is_later ? *earlier : AxisProfile::quickest(y, to.y, split.y_limits);
-    const bool within_shares =
-        std::abs(x.velocity) <= split.x_limits.speed && std::abs(y.velocity) <= split.y_limits.speed;
-    if (lead_to != LeadTo::nowhere || within_shares) return plan;
-
-    // Between two switches the square of the speed is a convex parabola of time: it is largest at one of them.
-    const auto too_fast = [&](double time_s) {
-      return std::hypot(plan.x_.at(time_s).velocity, plan.y_.at(time_s).velocity) > v_max * (1 + 1e-9);
-    };
-    const auto x_switches = plan.x_.switches_s();
-    const auto y_switches = plan.y_.switches_s();
-    if (std::none_of(x_switches.begin(), x_switches.end(), too_fast) &&
-        std::none_of(y_switches.begin(), y_switches.end(), too_fast)) {
-      return plan;
-    }
-  }
-  return std::nullopt;
+  const auto translation = quickest_translation(from, to, limits_);
+  if (!translation) return std::nullopt;
+  plan.turn_in_ = {.duration_s = translation->led.duration_s,
+                   .acceleration_x = translation->led.acceleration_x,
+                   .acceleration_y = translation->led.acceleration_y};
+  plan.x_ = translation->x;
+  plan.y_ = translation->y;
+  return plan;
 }
 
 }  // namespace regista::control

@@ -80,8 +80,8 @@ class AxisProfile {
 
 /// Where a robot is on the field, and how it moves.
 struct MotionState {
-  Pose2d pose;
-  FieldVelocity velocity;
+  Pose2d pose{};
+  FieldVelocity velocity{};
 };
 
 /// What a robot may do; of x and y together, as vectors. All positive.
