@@ -23,22 +23,27 @@ int main(int argc, char** argv) try {
   std::string json, markdown, plots;
   CLI::App app{"Simulates what three publications measured, with their controllers and with ours, and compares"};
   app.set_version_flag("--version", REGISTA_VERSION);
-  app.add_option("--seed", settings.seed, "Chance starts here; the same seed gives the same numbers")->capture_default_str();
-  app.add_option("--runs", settings.runs, "Runs of each experiment")->capture_default_str()->check(CLI::Range(2, 10000));
+  app.add_option("--seed", settings.seed, "Chance starts here; the same seed gives the same numbers")
+      ->capture_default_str();
+  app.add_option("--runs", settings.runs, "Runs of each experiment")
+      ->capture_default_str()
+      ->check(CLI::Range(2, 10000));
   app.add_option("--json", json, "Write the rows to this file, an array of objects; - for the standard output");
   app.add_option("--markdown", markdown, "Write the tables to this file");
   app.add_option("--plots", plots, "Write the plots, SVG, into this folder, and link them in the Markdown");
   CLI11_PARSE(app, argc, argv);
 
   std::vector<reproduce::Experiment> experiments;
-  for (const auto& run : {reproduce::soccer_experiments, reproduce::posture_experiments, reproduce::waypoint_experiments}) {
+  for (const auto& run :
+       {reproduce::soccer_experiments, reproduce::posture_experiments, reproduce::waypoint_experiments}) {
     std::ranges::move(run(settings), std::back_inserter(experiments));
   }
 
   if (!plots.empty()) {
     std::filesystem::create_directories(plots);
     for (const auto& experiment : experiments) {
-      for (const auto& plot : experiment.plots) write(std::filesystem::path{plots} / (plot.file + ".svg"), to_svg(plot));
+      for (const auto& plot : experiment.plots)
+        write(std::filesystem::path{plots} / (plot.file + ".svg"), to_svg(plot));
     }
   }
   if (!markdown.empty()) {

@@ -93,11 +93,11 @@ Estimate mean_of(std::span<const double> values, std::uint64_t seed) {
 }
 
 nlohmann::json to_json(const Row& row) {
-  return {{"source", row.source},         {"quantity", row.quantity},
-          {"unit", row.unit},             {"controller", row.controller},
-          {"better", row.better},         {"published", row.published ? nlohmann::json(*row.published) : nullptr},
-          {"value", row.value},           {"ci95_low", row.ci95_low},
-          {"ci95_high", row.ci95_high},   {"note", row.note}};
+  return {{"source", row.source},       {"quantity", row.quantity},
+          {"unit", row.unit},           {"controller", row.controller},
+          {"better", row.better},       {"published", row.published ? nlohmann::json(*row.published) : nullptr},
+          {"value", row.value},         {"ci95_low", row.ci95_low},
+          {"ci95_high", row.ci95_high}, {"note", row.note}};
 }
 
 std::string to_svg(const Plot& plot) {
@@ -129,13 +129,14 @@ std::string to_svg(const Plot& plot) {
   svg << R"(<g stroke="#ddd" fill="#333">)" << '\n';
   const double step_x = tick_step(x.size()), step_y = tick_step(y.size());
   for (double v = std::ceil(x.low / step_x) * step_x; v <= x.high; v += step_x) {
-    svg << "<path d=\"M" << at_x(v) << ' ' << top << "V" << height - bottom << "\"/><text stroke=\"none\" x=\"" << at_x(v)
-        << "\" y=\"" << height - bottom + 16 << "\" text-anchor=\"middle\">" << (std::abs(v) < step_x / 2 ? 0 : v)
-        << "</text>\n";
+    svg << "<path d=\"M" << at_x(v) << ' ' << top << "V" << height - bottom << "\"/><text stroke=\"none\" x=\""
+        << at_x(v) << "\" y=\"" << height - bottom + 16 << "\" text-anchor=\"middle\">"
+        << (std::abs(v) < step_x / 2 ? 0 : v) << "</text>\n";
   }
   for (double v = std::ceil(y.low / step_y) * step_y; v <= y.high; v += step_y) {
-    svg << "<path d=\"M" << left << ' ' << at_y(v) << "H" << width - right << "\"/><text stroke=\"none\" x=\"" << left - 6
-        << "\" y=\"" << at_y(v) + 4 << "\" text-anchor=\"end\">" << (std::abs(v) < step_y / 2 ? 0 : v) << "</text>\n";
+    svg << "<path d=\"M" << left << ' ' << at_y(v) << "H" << width - right << "\"/><text stroke=\"none\" x=\""
+        << left - 6 << "\" y=\"" << at_y(v) + 4 << "\" text-anchor=\"end\">" << (std::abs(v) < step_y / 2 ? 0 : v)
+        << "</text>\n";
   }
   svg << "</g>\n<text x=\"" << left + plot_width / 2 << "\" y=\"" << height - 10 << "\" text-anchor=\"middle\">"
       << plot.x_label << "</text>\n<text transform=\"translate(16 " << top + plot_height / 2
@@ -155,8 +156,8 @@ std::string to_svg(const Plot& plot) {
       svg << "\"/>\n";
     }
     const double key_y = top + 12 + 18 * static_cast<double>(i);
-    svg << "<rect x=\"" << width - right + 10 << "\" y=\"" << key_y - 8 << "\" width=\"12\" height=\"8\" fill=\"" << colour
-        << "\"/><text x=\"" << width - right + 27 << "\" y=\"" << key_y << "\">" << line.name << "</text>\n";
+    svg << "<rect x=\"" << width - right + 10 << "\" y=\"" << key_y - 8 << "\" width=\"12\" height=\"8\" fill=\""
+        << colour << "\"/><text x=\"" << width - right + 27 << "\" y=\"" << key_y << "\">" << line.name << "</text>\n";
   }
   svg << "</svg>\n";
   return svg.str();
@@ -168,10 +169,12 @@ std::string to_markdown(std::span<const Experiment> experiments, const std::stri
         "<!-- Written by "
      << command
      << ": do not edit. -->\n\n"
-        "Three published systems, each with its controller as published and with ours, on the plants of `sim/`. `published`\n"
+        "Three published systems, each with its controller as published and with ours, on the plants of `sim/`. "
+        "`published`\n"
         "in the second column is what the publication states, measured on real robots; all other numbers come from\n"
         "simulation, with 95 % intervals by bootstrap over the runs. Not all that shaped the published numbers is\n"
-        "published (friction, floors, gains of the motor boards), so where a publication is silent the simulated robot is\n"
+        "published (friction, floors, gains of the motor boards), so where a publication is silent the simulated robot "
+        "is\n"
         "our guess, the same for both controllers: compare the two simulated columns with each other first.\n\n"
         "- **H**: Holtzhausen 2013, *Development of distributed control system for SSL soccer robots*, Stellenbosch\n"
         "- **O**: Kvalheim, Isaksen, Næss 2017, *Odometry and Posture Regulation for a 4x4 differential drive mobile "

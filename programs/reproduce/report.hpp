@@ -13,7 +13,7 @@ namespace reproduce {
 
 /// One number of a publication beside ours: a line of the table, an object of the JSON.
 struct Row {
-  std::string source;      ///< "H 7.3"
+  std::string source;  ///< "H 7.3"
   std::string quantity;
   std::string unit;
   std::string controller;  ///< "published" or "ours"
@@ -51,12 +51,12 @@ struct Experiment {
 
 struct Estimate {
   double value = 0;
-  double low = 0;   ///< 95 %
+  double low = 0;  ///< 95 %
   double high = 0;
 };
 
-/// A statistic of `runs` independent runs and its 95 % interval, by the percentile bootstrap (Efron 1979): the statistic
-/// of 1000 draws of as many runs, with replacement. `statistic` gets the numbers of the runs to use.
+/// A statistic of `runs` independent runs and its 95 % interval, by the percentile bootstrap (Efron 1979): the
+/// statistic of 1000 draws of as many runs, with replacement. `statistic` gets the numbers of the runs to use.
 Estimate bootstrap(std::size_t runs, const std::function<double(std::span<const std::size_t>)>& statistic,
                    std::uint64_t seed);
 

@@ -1,0 +1,5 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "experiments.hpp"
+namespace reproduce {
+std::vector<Experiment> waypoint_experiments(const Settings&) { return {}; }
+}  // namespace reproduce
