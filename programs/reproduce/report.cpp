@@ -21,6 +21,15 @@ std::string number(double value) {
 
 std::string published(const Row& row) { return row.published ? number(*row.published) : "–"; }
 
+/// Of one of our rows against the publication: by the whole interval, or nothing.
+std::string verdict(const Row& row) {
+  if (row.controller != "ours" || !row.published) return "";
+  const bool lower = row.better == "lower";
+  if (lower ? row.ci95_high < *row.published : row.ci95_low > *row.published) return "better";
+  if (lower ? row.ci95_low > *row.published : row.ci95_high < *row.published) return "worse";
+  return "as good";
+}
+
 std::string interval(const Row& row) { return number(row.ci95_low) + " … " + number(row.ci95_high); }
 
 /// Round steps of 1, 2 or 5 · 10^n, some five of them across the range.
@@ -122,7 +131,7 @@ std::string to_svg(const Plot& plot) {
   const auto at_y = [&](double value) { return top + (y.high - value) / y.size() * plot_height; };
 
   std::ostringstream svg;
-  svg.precision(5);
+  svg.precision(4);
   svg << R"(<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 640 440" font-family="sans-serif" font-size="12">)"
       << "\n<rect width=\"640\" height=\"440\" fill=\"white\"/>\n<text x=\"" << left << "\" y=\"20\" font-size=\"14\">"
       << plot.title << "</text>\n";
@@ -152,7 +161,8 @@ std::string to_svg(const Plot& plot) {
       svg << "</g>\n";
     } else {
       svg << "<path fill=\"none\" stroke-width=\"1.5\" stroke=\"" << colour << "\" d=\"M";
-      for (std::size_t k = 0; k < line.x.size(); ++k) svg << at_x(line.x[k]) << ' ' << at_y(line.y[k]) << ' ';
+      const std::size_t stride = line.x.size() / 300 + 1;  // a point every other pixel is enough
+      for (std::size_t k = 0; k < line.x.size(); k += stride) svg << at_x(line.x[k]) << ' ' << at_y(line.y[k]) << ' ';
       svg << "\"/>\n";
     }
     const double key_y = top + 12 + 18 * static_cast<double>(i);
@@ -185,12 +195,13 @@ std::string to_markdown(std::span<const Experiment> experiments, const std::stri
   for (const Experiment& experiment : experiments) {
     md << "\n## " << experiment.title << "\n\n" << experiment.text << "\n";
     if (!experiment.rows.empty()) {
-      md << "\n| source | quantity | unit | published | controller | simulated | 95 % interval | note |\n"
-            "|---|---|---|---|---|---|---|---|\n";
+      md << "\n| source | quantity | unit | published | controller | simulated | 95 % interval | against published | "
+            "note |\n|---|---|---|---|---|---|---|---|---|\n";
     }
     for (const Row& row : experiment.rows) {
       md << "| " << row.source << " | " << row.quantity << " | " << row.unit << " | " << published(row) << " | "
-         << row.controller << " | " << number(row.value) << " | " << interval(row) << " | " << row.note << " |\n";
+         << row.controller << " | " << number(row.value) << " | " << interval(row) << " | " << verdict(row) << " | "
+         << row.note << " |\n";
     }
     for (const Plot& plot : experiment.plots) {
       md << "\n![" << plot.title << "](" << plots << '/' << plot.file << ".svg)\n";

@@ -33,6 +33,8 @@ class Gps {
 
   /// Where the antenna is after `dt`. A fix, once a period, unless the signal is lost.
   std::optional<Fix> step(const Pose2d& truth, Duration dt);
+  /// What fixes are off by now, noise apart.
+  [[nodiscard]] Fix error() const { return {.x_m = drift_x_m_, .y_m = drift_y_m_}; }
 
  private:
   GpsParameters parameters_;
