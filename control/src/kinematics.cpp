@@ -10,6 +10,7 @@
 namespace regista::control {
 
 WheelSpeeds saturated(WheelSpeeds speeds, double limit_mps) {
+  assert(limit_mps >= 0);
   double fastest = 0;
   for (const double speed : speeds) fastest = std::max(fastest, std::abs(speed));
   if (fastest > limit_mps) {

@@ -21,7 +21,11 @@ Odometry::Odometry(const OdometryNoise& noise) : noise_{noise} {
 }
 
 void Odometry::reset(const Pose2d& pose, const PoseCovariance& covariance) {
-  pose_ = pose;
+  if (!sane(pose.x) || !sane(pose.y) || !sane(pose.heading)) {
+    ++refused_;
+    return;
+  }
+  pose_ = {.x = pose.x, .y = pose.y, .heading = wrap_angle(pose.heading)};
   covariance_ = covariance;
 }
 

@@ -10,7 +10,7 @@
 namespace regista::control {
 namespace {
 
-enum : int { X, Y, HEADING, SPEED, TURN, BIAS };
+enum : int { pos_x, pos_y, heading, speed, turn, bias };
 
 double square(double value) { return value * value; }
 
@@ -31,9 +31,9 @@ PoseEkf::PoseEkf(const PoseEkfConfig& config) : config_{config} {
   require_positive("lost_heading_sd_rad", config.lost_heading_sd_rad);
   // Until it is located and oriented, the filter reckons from the pose 0, known exactly.
   state_.kalman.p.setZero();
-  state_.kalman.p(SPEED, SPEED) = square(config.initial_speed_sd_mps);
-  state_.kalman.p(TURN, TURN) = square(config.initial_turn_sd_radps);
-  state_.kalman.p(BIAS, BIAS) = square(config.initial_bias_sd_radps);
+  state_.kalman.p(speed, speed) = square(config.initial_speed_sd_mps);
+  state_.kalman.p(turn, turn) = square(config.initial_turn_sd_radps);
+  state_.kalman.p(bias, bias) = square(config.initial_bias_sd_radps);
 }
 
 void PoseEkf::reset(const Pose2d& pose, double position_sd_m, double heading_sd_rad) {
@@ -43,8 +43,8 @@ void PoseEkf::reset(const Pose2d& pose, double position_sd_m, double heading_sd_
   require_positive("position_sd_m", position_sd_m);
   require_positive("heading_sd_rad", heading_sd_rad);
   place({.x = pose.x, .y = pose.y, .sd_m = position_sd_m});
-  state_.kalman.x(HEADING) = wrap_angle(pose.heading);
-  state_.kalman.forget(HEADING, square(heading_sd_rad));
+  state_.kalman.x(heading) = wrap_angle(pose.heading);
+  state_.kalman.forget(heading, square(heading_sd_rad));
   state_.located = state_.oriented = true;
 }
 
@@ -54,42 +54,42 @@ void PoseEkf::predict(Input, Duration dt) {
 
   auto& [x, p] = state_.kalman;
   const double t = seconds(dt);
-  const Arc arc(x(HEADING), x(TURN), t);
-  const double v = x(SPEED);
+  const Arc arc(x(heading), x(turn), t);
+  const double v = x(speed);
   const auto way = v * arc.way;
   const auto way_by_turn_rate = v * t * arc.way_by_turn;
-  x(X) += way.real();
-  x(Y) += way.imag();
-  x(HEADING) = wrap_angle(x(HEADING) + x(TURN) * t);
+  x(pos_x) += way.real();
+  x(pos_y) += way.imag();
+  x(heading) = wrap_angle(x(heading) + x(turn) * t);
 
-  // p = f p f' with f = I but for six elements: first the rows, then the columns.
-  p.row(X) += -way.imag() * p.row(HEADING) + arc.way.real() * p.row(SPEED) + way_by_turn_rate.real() * p.row(TURN);
-  p.row(Y) += way.real() * p.row(HEADING) + arc.way.imag() * p.row(SPEED) + way_by_turn_rate.imag() * p.row(TURN);
-  p.row(HEADING) += t * p.row(TURN);
-  p.col(X) += -way.imag() * p.col(HEADING) + arc.way.real() * p.col(SPEED) + way_by_turn_rate.real() * p.col(TURN);
-  p.col(Y) += way.real() * p.col(HEADING) + arc.way.imag() * p.col(SPEED) + way_by_turn_rate.imag() * p.col(TURN);
-  p.col(HEADING) += t * p.col(TURN);
+  // p = f p f' with f = I but for seven elements: first the rows, then the columns.
+  p.row(pos_x) += -way.imag() * p.row(heading) + arc.way.real() * p.row(speed) + way_by_turn_rate.real() * p.row(turn);
+  p.row(pos_y) += way.real() * p.row(heading) + arc.way.imag() * p.row(speed) + way_by_turn_rate.imag() * p.row(turn);
+  p.row(heading) += t * p.row(turn);
+  p.col(pos_x) += -way.imag() * p.col(heading) + arc.way.real() * p.col(speed) + way_by_turn_rate.real() * p.col(turn);
+  p.col(pos_y) += way.real() * p.col(heading) + arc.way.imag() * p.col(speed) + way_by_turn_rate.imag() * p.col(turn);
+  p.col(heading) += t * p.col(turn);
 
   // Integrated white noise, d [[t³/3, t²/2], [t²/2, t]], of the speed along the arc's chord and of the turn rate.
   const Eigen::Vector2d along{arc.way.real() / t, arc.way.imag() / t};
   const double t2 = t * t / 2;
   const double t3 = t * t * t / 3;
-  p.block<2, 2>(X, X) += config_.acceleration_density * t3 * along * along.transpose();
-  p.block<2, 1>(X, SPEED) += config_.acceleration_density * t2 * along;
-  p.block<1, 2>(SPEED, X) += config_.acceleration_density * t2 * along.transpose();
-  p(SPEED, SPEED) += config_.acceleration_density * t;
-  p(HEADING, HEADING) += config_.turn_density * t3;
-  p(HEADING, TURN) += config_.turn_density * t2;
-  p(TURN, HEADING) += config_.turn_density * t2;
-  p(TURN, TURN) += config_.turn_density * t;
-  p(BIAS, BIAS) += config_.bias_density * t;
-  p(X, X) += config_.slip_density * t;
-  p(Y, Y) += config_.slip_density * t;
+  p.block<2, 2>(pos_x, pos_x) += config_.acceleration_density * t3 * along * along.transpose();
+  p.block<2, 1>(pos_x, speed) += config_.acceleration_density * t2 * along;
+  p.block<1, 2>(speed, pos_x) += config_.acceleration_density * t2 * along.transpose();
+  p(speed, speed) += config_.acceleration_density * t;
+  p(heading, heading) += config_.turn_density * t3;
+  p(heading, turn) += config_.turn_density * t2;
+  p(turn, heading) += config_.turn_density * t2;
+  p(turn, turn) += config_.turn_density * t;
+  p(bias, bias) += config_.bias_density * t;
+  p(pos_x, pos_x) += config_.slip_density * t;
+  p(pos_y, pos_y) += config_.slip_density * t;
 }
 
 Correction PoseEkf::correct(const Measurement& measurement) {
   const Correction result = std::visit([this](const auto& one) { return take(one); }, measurement);
-  state_.kalman.x(HEADING) = wrap_angle(state_.kalman.x(HEADING));
+  state_.kalman.x(heading) = wrap_angle(state_.kalman.x(heading));
   return result;
 }
 
@@ -102,7 +102,7 @@ Correction PoseEkf::take(const WheelMeasurement& z) {
   const Eigen::Matrix<double, 2, 6> h{{0, 0, 0, 1, 0, 0}, {0, 0, 0, 0, 1, 0}};
   const Eigen::Matrix2d r{{square(z.speed_sd_mps), 0}, {0, square(z.w_sd_radps)}};
   const auto [nis, fused] =
-      state_.kalman.correct<2>(Eigen::Vector2d{z.speed_mps - x(SPEED), z.w_radps - x(TURN)}, h, r, config_.gate);
+      state_.kalman.correct<2>(Eigen::Vector2d{z.speed_mps - x(speed), z.w_radps - x(turn)}, h, r, config_.gate);
   return state_.wheels.note(fused ? Verdict::fused : Verdict::outlier, nis);
 }
 
@@ -112,7 +112,7 @@ Correction PoseEkf::take(const GyroMeasurement& z) {
   const Eigen::Matrix<double, 1, 6> h{0, 0, 0, 0, 1, 1};
   using Scalar = Eigen::Matrix<double, 1, 1>;
   const auto [nis, fused] =
-      state_.kalman.correct<1>(Scalar{z.w_radps - x(TURN) - x(BIAS)}, h, Scalar{square(z.sd_radps)}, config_.gate);
+      state_.kalman.correct<1>(Scalar{z.w_radps - x(turn) - x(bias)}, h, Scalar{square(z.sd_radps)}, config_.gate);
   return state_.gyro.note(fused ? Verdict::fused : Verdict::outlier, nis);
 }
 
@@ -126,12 +126,12 @@ Correction PoseEkf::take(const HeadingMeasurement& z) {
   auto& [x, p] = state_.kalman;
   const Eigen::Matrix<double, 1, 6> h{0, 0, 1, 0, 0, 0};
   using Scalar = Eigen::Matrix<double, 1, 1>;
-  const auto [nis, fused] = state_.kalman.correct<1>(Scalar{angle_between(x(HEADING), z.heading_rad)}, h,
+  const auto [nis, fused] = state_.kalman.correct<1>(Scalar{angle_between(x(heading), z.heading_rad)}, h,
                                                      Scalar{square(z.sd_rad)}, config_.gate);
   if (fused) return record.note(Verdict::fused, nis);
   if (record.refused_in_a_row + 1 < config_.restart_after) return record.note(Verdict::outlier, nis);
-  x(HEADING) = wrap_angle(z.heading_rad);
-  state_.kalman.forget(HEADING, square(z.sd_rad));
+  x(heading) = wrap_angle(z.heading_rad);
+  state_.kalman.forget(heading, square(z.sd_rad));
   return record.note(Verdict::restarted, nis);
 }
 
@@ -148,12 +148,13 @@ Correction PoseEkf::take(const PositionMeasurement& z) {
   const auto& x = state_.kalman.x;
   const Eigen::Matrix<double, 2, 6> h{{1, 0, 0, 0, 0, 0}, {0, 1, 0, 0, 0, 0}};
   const Eigen::Matrix2d r = square(z.sd_m) * Eigen::Matrix2d::Identity();
-  const auto [nis, fused] = state_.kalman.correct<2>(Eigen::Vector2d{z.x - x(X), z.y - x(Y)}, h, r, config_.gate);
+  const auto [nis, fused] =
+      state_.kalman.correct<2>(Eigen::Vector2d{z.x - x(pos_x), z.y - x(pos_y)}, h, r, config_.gate);
   if (fused) return record.note(Verdict::fused, nis);
   if (record.refused_in_a_row + 1 < config_.restart_after) return record.note(Verdict::outlier, nis);
   place(z);
   // A wrong heading may have led away from the positions: where no sensor gives it, they shall be able to turn it.
-  if (state_.heading.taken == 0) state_.kalman.forget(HEADING, square(config_.lost_heading_sd_rad / 2));
+  if (state_.heading.taken == 0) state_.kalman.forget(heading, square(config_.lost_heading_sd_rad / 2));
   return record.note(Verdict::restarted, nis);
 }
 
@@ -161,14 +162,14 @@ Correction PoseEkf::align(const PositionMeasurement& z) {
   const auto& x = state_.kalman.x;
   const double fixed_x = z.x - state_.anchor.x;
   const double fixed_y = z.y - state_.anchor.y;
-  const double reckoned_x = x(X) - state_.anchor.x;
-  const double reckoned_y = x(Y) - state_.anchor.y;
+  const double reckoned_x = x(pos_x) - state_.anchor.x;
+  const double reckoned_y = x(pos_y) - state_.anchor.y;
   const double way = std::hypot(fixed_x, fixed_y);
   // Noise of the two fixes looks like a turn: wait until it is small against the way.
   const double needed = std::max(config_.align_distance_m, 6 * z.sd_m);
   if (way < needed || std::hypot(reckoned_x, reckoned_y) < needed / 2) return state_.position.note(Verdict::waiting);
-  const double turn = std::atan2(fixed_y, fixed_x) - std::atan2(reckoned_y, reckoned_x);
-  turn_about_anchor(x(HEADING) + turn, 2 * square(z.sd_m / way) + state_.kalman.p(HEADING, HEADING));
+  const double rotation = std::atan2(fixed_y, fixed_x) - std::atan2(reckoned_y, reckoned_x);
+  turn_about_anchor(x(heading) + rotation, 2 * square(z.sd_m / way) + state_.kalman.p(heading, heading));
   place(z);
   return state_.position.note(Verdict::initialised);
 }
@@ -176,49 +177,49 @@ Correction PoseEkf::align(const PositionMeasurement& z) {
 /// The heading is known at last: what was reckoned since the first position turns with it.
 void PoseEkf::turn_about_anchor(double heading_rad, double variance) {
   auto& [x, p] = state_.kalman;
-  const double turn = heading_rad - x(HEADING);
-  const double way_x = x(X) - state_.anchor.x;
-  const double way_y = x(Y) - state_.anchor.y;
+  const double rotation = heading_rad - x(heading);
+  const double way_x = x(pos_x) - state_.anchor.x;
+  const double way_y = x(pos_y) - state_.anchor.y;
   const double position_variance =
-      std::max(p(X, X), p(Y, Y)) + (way_x * way_x + way_y * way_y) * (variance + p(HEADING, HEADING));
-  x(X) = state_.anchor.x + std::cos(turn) * way_x - std::sin(turn) * way_y;
-  x(Y) = state_.anchor.y + std::sin(turn) * way_x + std::cos(turn) * way_y;
-  x(HEADING) = wrap_angle(heading_rad);
-  state_.kalman.forget(X, position_variance);
-  state_.kalman.forget(Y, position_variance);
-  state_.kalman.forget(HEADING, variance);
+      std::max(p(pos_x, pos_x), p(pos_y, pos_y)) + (way_x * way_x + way_y * way_y) * (variance + p(heading, heading));
+  x(pos_x) = state_.anchor.x + std::cos(rotation) * way_x - std::sin(rotation) * way_y;
+  x(pos_y) = state_.anchor.y + std::sin(rotation) * way_x + std::cos(rotation) * way_y;
+  x(heading) = wrap_angle(heading_rad);
+  state_.kalman.forget(pos_x, position_variance);
+  state_.kalman.forget(pos_y, position_variance);
+  state_.kalman.forget(heading, variance);
   state_.oriented = true;
 }
 
 void PoseEkf::place(const PositionMeasurement& z) {
-  state_.kalman.x(X) = z.x;
-  state_.kalman.x(Y) = z.y;
-  state_.kalman.forget(X, square(z.sd_m));
-  state_.kalman.forget(Y, square(z.sd_m));
+  state_.kalman.x(pos_x) = z.x;
+  state_.kalman.x(pos_y) = z.y;
+  state_.kalman.forget(pos_x, square(z.sd_m));
+  state_.kalman.forget(pos_y, square(z.sd_m));
 }
 
 PoseEkf::Estimate PoseEkf::estimate() const {
   const auto& [x, p] = state_.kalman;
-  return {.pose = {.x = x(X), .y = x(Y), .heading = x(HEADING)},
-          .covariance = {.xx = p(X, X),
-                         .xy = p(X, Y),
-                         .xh = p(X, HEADING),
-                         .yy = p(Y, Y),
-                         .yh = p(Y, HEADING),
-                         .hh = p(HEADING, HEADING)},
-          .speed_mps = x(SPEED),
-          .w_radps = x(TURN),
-          .bias_radps = x(BIAS),
-          .speed_sd_mps = std::sqrt(p(SPEED, SPEED)),
-          .w_sd_radps = std::sqrt(p(TURN, TURN)),
-          .bias_sd_radps = std::sqrt(p(BIAS, BIAS))};
+  return {.pose = {.x = x(pos_x), .y = x(pos_y), .heading = x(heading)},
+          .covariance = {.xx = p(pos_x, pos_x),
+                         .xy = p(pos_x, pos_y),
+                         .xh = p(pos_x, heading),
+                         .yy = p(pos_y, pos_y),
+                         .yh = p(pos_y, heading),
+                         .hh = p(heading, heading)},
+          .speed_mps = x(speed),
+          .w_radps = x(turn),
+          .bias_radps = x(bias),
+          .speed_sd_mps = std::sqrt(p(speed, speed)),
+          .w_sd_radps = std::sqrt(p(turn, turn)),
+          .bias_sd_radps = std::sqrt(p(bias, bias))};
 }
 
 PoseEkf::Status PoseEkf::status() const {
   if (!state_.located || !state_.oriented) return Status::waiting;
   const auto& p = state_.kalman.p;
-  const bool certain = p(X, X) + p(Y, Y) <= square(config_.lost_position_sd_m) &&
-                       p(HEADING, HEADING) <= square(config_.lost_heading_sd_rad);
+  const bool certain = p(pos_x, pos_x) + p(pos_y, pos_y) <= square(config_.lost_position_sd_m) &&
+                       p(heading, heading) <= square(config_.lost_heading_sd_rad);
   return certain ? Status::tracking : Status::lost;
 }
 
@@ -227,8 +228,8 @@ PoseEkf::Explanation PoseEkf::explain() const {
   return {.status = status(),
           .located = state_.located,
           .oriented = state_.oriented,
-          .position_sd_m = std::sqrt(p(X, X) + p(Y, Y)),
-          .heading_sd_rad = std::sqrt(p(HEADING, HEADING)),
+          .position_sd_m = std::sqrt(p(pos_x, pos_x) + p(pos_y, pos_y)),
+          .heading_sd_rad = std::sqrt(p(heading, heading)),
           .wheels = state_.wheels,
           .gyro = state_.gyro,
           .heading = state_.heading,

@@ -53,9 +53,9 @@ Correction TranslationFilter::take(const PositionMeasurement& z) {
   Correction result{.verdict = Verdict::too_fast};
   // Two fixes of a body at rest lie up to `gate` standard deviations of their difference apart.
   const double reach = config_.max_speed_mps * seconds(record.unseen) + config_.gate * std::sqrt(2.0) * z.sd_m;
-  if (!((fix - state_.fix).norm() > reach)) {  // so that infinity times 0 s is no limit either
-    const auto [nis, fused] =
-        state_.kalman.correct<1>(fix - state_.kalman.x.row(0), Eigen::RowVector2d{1, 0}, Scalar{z.sd_m * z.sd_m}, config_.gate);
+  if (!((fix - state_.fix).squaredNorm() > reach * reach)) {  // so that infinity times 0 s is no limit either
+    const auto [nis, fused] = state_.kalman.correct<1>(fix - state_.kalman.x.row(0), Eigen::RowVector2d{1, 0},
+                                                       Scalar{z.sd_m * z.sd_m}, config_.gate);
     result = {.verdict = fused ? Verdict::fused : Verdict::outlier, .nis = nis};
   }
   if (result.verdict == Verdict::fused) {
@@ -71,8 +71,9 @@ Correction TranslationFilter::take(const VelocityMeasurement& z) {
   SensorRecord& record = state_.velocity;
   if (!sane(z.x) || !sane(z.y) || !sane(z.sd_mps) || !(z.sd_mps > 0)) return record.note(Verdict::invalid);
   if (!state_.initialised) return record.note(Verdict::waiting);
-  const auto [nis, fused] = state_.kalman.correct<1>(Eigen::RowVector2d{z.x, z.y} - state_.kalman.x.row(1), Eigen::RowVector2d{0, 1},
-                                                     Scalar{z.sd_mps * z.sd_mps}, config_.gate);
+  const auto [nis, fused] =
+      state_.kalman.correct<1>(Eigen::RowVector2d{z.x, z.y} - state_.kalman.x.row(1), Eigen::RowVector2d{0, 1},
+                               Scalar{z.sd_mps * z.sd_mps}, config_.gate);
   return record.note(fused ? Verdict::fused : Verdict::outlier, nis);
 }
 

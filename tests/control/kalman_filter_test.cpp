@@ -76,23 +76,23 @@ TEST(KalmanFilter, covariance_stays_symmetric_and_positive_where_the_short_form_
   std::mt19937 random{2};
   KalmanFilter<4> filter;
   filter.p *= 1e8;
-  Eigen::Matrix4d brief = filter.p;
-  bool brief_failed = false;
+  Eigen::Matrix4d short_form = filter.p;
+  bool short_form_failed = false;
   const Eigen::Matrix2d r = 1e-9 * Eigen::Matrix2d::Identity();
   for (int i = 0; i < 20000; ++i) {
     const auto h = random_matrix<2, 4>(random);
     filter.correct<2>(Eigen::Vector2d::Zero(), h, r, no_gate);
-    const Eigen::Matrix<double, 4, 2> k = brief * h.transpose() * (h * brief * h.transpose() + r).inverse();
-    brief = ((Eigen::Matrix4d::Identity() - k * h) * brief).eval();
-    brief_failed |= !(Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>{brief}.eigenvalues().minCoeff() > 0) ||
-                    !brief.isApprox(brief.transpose(), 1e-6);
+    const Eigen::Matrix<double, 4, 2> k = short_form * h.transpose() * (h * short_form * h.transpose() + r).inverse();
+    short_form = ((Eigen::Matrix4d::Identity() - k * h) * short_form).eval();
+    short_form_failed |= !(Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>{short_form}.eigenvalues().minCoeff() > 0) ||
+                         !short_form.isApprox(short_form.transpose(), 1e-6);
     if (i % 100 == 0) {
       EXPECT_EQ(filter.p, filter.p.transpose());
       const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d>{filter.p}.eigenvalues().minCoeff();
       EXPECT_GT(least, 0) << i;
     }
   }
-  EXPECT_TRUE(brief_failed) << "the case is too easy to prove anything";
+  EXPECT_TRUE(short_form_failed) << "the case is too easy to prove anything";
 }
 
 TEST(KalmanFilter, forgets_one_state_and_its_relations) {

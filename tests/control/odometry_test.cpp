@@ -73,7 +73,9 @@ TEST(Odometry, refuses_and_counts_what_is_not_a_velocity) {
   EXPECT_EQ(odometry.step({.y = -1e300}, 1s), before);
   EXPECT_EQ(odometry.step({.w = std::numeric_limits<double>::infinity()}, 1s), before);
   EXPECT_EQ(odometry.step({.x = 1}, -1s), before);
-  EXPECT_EQ(odometry.refused(), 4u);
+  odometry.reset({.x = nan});
+  EXPECT_EQ(odometry.pose(), before);
+  EXPECT_EQ(odometry.refused(), 5u);
 }
 
 TEST(Odometry, refuses_a_negative_noise) { EXPECT_THROW(Odometry{{.position_m2_per_m = -1}}, std::invalid_argument); }

@@ -96,7 +96,7 @@ def test_translation_filter_settles_on_the_riccati_solution(milliseconds):
     f = np.array([[1, t], [0, 1]])
     q = density * np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]])
     before_update = solve_discrete_are(f.T, np.array([[1.0], [0]]), q, np.array([[r]]))
-    lines = [["position", 0, 0, 0.004], ["predict", 0, 0, t * 1e9]] * 20000
+    lines = [["position", 0, 0, 0.004], ["predict", 0, 0, t * 1e9]] * int(10 / t)
     ours = ask("translation", [density], lines)[-1][4:].reshape(2, 2)
     np.testing.assert_allclose(ours, before_update, rtol=1e-9)
 

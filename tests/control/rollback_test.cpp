@@ -124,7 +124,8 @@ TEST(Rollback, refuses_and_counts_what_is_older_than_its_history_or_from_the_fut
   EXPECT_EQ(rollback.correct(at(0.001), 151ms).verdict, Verdict::too_old);
   EXPECT_EQ(rollback.correct(at(0.001), -1ns).verdict, Verdict::too_old);
   EXPECT_EQ(rollback.correct(at(0.001), Duration::max()).verdict, Verdict::too_old);
-  EXPECT_EQ(rollback.too_old(), 3u);
+  EXPECT_EQ(rollback.correct(at(0.001), Duration::min()).verdict, Verdict::too_old);
+  EXPECT_EQ(rollback.too_old(), 4u);
   EXPECT_EQ(rollback.filter().state().kalman.x, before);
 }
 

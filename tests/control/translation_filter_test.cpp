@@ -118,13 +118,15 @@ TEST(TranslationFilter, speed_gate_refuses_what_no_robot_reaches_and_grows_with_
   EXPECT_EQ(filter.correct(PositionMeasurement{.x = 0.5, .sd_m = 0.004}).verdict, Verdict::fused);
 }
 
-TEST(TranslationFilter, is_lost_after_long_silence_and_found_again) {
+TEST(TranslationFilter, is_lost_two_seconds_after_the_last_position_and_found_again) {
   TranslationFilter filter = at_rest();
   filter.predict({}, 500ms);
   EXPECT_FALSE(filter.lost());
-  filter.predict({}, 20s);
+  filter.predict({}, 1s);
+  EXPECT_FALSE(filter.lost());
+  filter.predict({}, 600ms);
   EXPECT_TRUE(filter.lost());
-  EXPECT_GE(filter.state().position.unseen, 20s);
+  EXPECT_GE(filter.state().position.unseen, 2s);
   filter.correct(PositionMeasurement{.sd_m = 0.004});
   EXPECT_FALSE(filter.lost());
 }

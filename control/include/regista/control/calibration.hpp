@@ -47,7 +47,7 @@ struct CompassSample {
 
 /// The error of a compass as a function of what it shows: the five coefficients of ships' compasses,
 /// A + B sin + C cos + D sin 2 + E cos 2 (iron on board fixed to the body gives B and C, soft iron D and E, a turned
-/// mounting A; "Handbook of Magnetic Compass Adjustment", NGA, chapter 2; Lien 2013, 6.4 measured 6-7°).
+/// mounting A; "Handbook of Magnetic Compass Adjustment", NGA, Pub. 226; Lien 2013, 6.4 measured 6-7°).
 class CompassCalibration {
  public:
   /// No error.

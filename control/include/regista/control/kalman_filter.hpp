@@ -38,7 +38,7 @@ struct KalmanFilter {
     static_assert(m <= 4, "the inverse below is in closed form up to 4");
     const Eigen::Matrix<double, n, m> ph = p * h.transpose();
     const Eigen::Matrix<double, m, m> inverse_s = (h * ph + r).inverse();
-    const double nis = (innovation.transpose() * inverse_s * innovation).trace();
+    const double nis = innovation.cwiseProduct(inverse_s * innovation).sum();
     if (!(nis <= gate * gate)) return {.nis = nis, .fused = false};
     const Eigen::Matrix<double, n, m> k = ph * inverse_s;
     x += k * innovation;

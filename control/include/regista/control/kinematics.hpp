@@ -37,8 +37,8 @@ class WheelSpeeds {
   std::size_t count_ = 0;
 };
 
-/// Scaled down until no wheel is faster than `limit_mps`: all by one factor, so that the direction of travel and the
-/// radius of the curve stay.
+/// Scaled down until no wheel is faster than `limit_mps`, 0 or more: all by one factor, so that the direction of travel
+/// and the radius of the curve stay.
 [[nodiscard]] WheelSpeeds saturated(WheelSpeeds speeds, double limit_mps);
 
 /// How wheel speeds and the velocity of the body hang together, for bases whose wheels are linear in it.

@@ -35,6 +35,7 @@ class Odometry {
   /// Throws std::invalid_argument for a negative or infinite noise.
   explicit Odometry(const OdometryNoise& noise = {});
 
+  /// Go on from here. A pose that is not finite or absurd changes nothing and is counted.
   void reset(const Pose2d& pose, const PoseCovariance& covariance = {});
 
   /// Advance by `dt` at `velocity` and return the new pose. A velocity that is not finite or absurd, or a negative

@@ -46,11 +46,11 @@ class Rollback {
   /// `age`: how long before the end of the last step it was measured. One from before the history, or from the
   /// future, is refused and counted.
   Correction correct(const Measurement& measurement, Duration age = Duration::zero()) {
-    const Duration captured = entry(count_ - 1).time - age;
-    if (age < Duration::zero() || captured < entry(0).time) {
+    if (age < Duration::zero() || age > reach()) {
       ++too_old_;
       return {.verdict = Verdict::too_old};
     }
+    const Duration captured = entry(count_ - 1).time - age;
     std::size_t at = count_ - 1;
     while (entry(at).time > captured) --at;
     filter_.restore(entry(at).after);

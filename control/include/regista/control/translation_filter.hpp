@@ -25,7 +25,7 @@ struct TranslationConfig {
   double gate = 4;  ///< standard deviations (Mahalanobis) at which a measurement is an outlier
   double max_speed_mps = std::numeric_limits<double>::infinity();  ///< a fix further from the last one is refused
   std::uint32_t restart_after = 8;                                 ///< refused fixes in a row
-  double lost_sd_m = 0.5;                                          ///< of the position
+  double lost_sd_m = 0.05;                                         ///< of each coordinate: 2 s without a fix
 };
 
 /// Position and velocity of a body on the field, from accelerations, positions and, if any, velocities.
