@@ -33,6 +33,7 @@ function(regista_floor name)
     endif()
     target_link_libraries(${target} ${scope} regista::${below})
   endforeach()
+  set_property(GLOBAL APPEND PROPERTY REGISTA_FLOORS ${name})
   install(TARGETS ${target} EXPORT regista FILE_SET HEADERS ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 endfunction()
 

@@ -101,8 +101,8 @@ bool on_line(Planes planes, std::size_t index, const Circle& reach, const Vector
     denominator >= 0 ? high = std::min(high, t) : low = std::max(low, t);
     if (low > high) return false;
   }
-  const double t = direction_only ? (dot(wish, direction) > 0 ? high : low)
-                                  : std::clamp(dot(direction, wish - point), low, high);
+  const double t =
+      direction_only ? (dot(wish, direction) > 0 ? high : low) : std::clamp(dot(direction, wish - point), low, high);
   result = point + t * direction;
   return true;
 }
@@ -143,8 +143,8 @@ void least_violation(Planes planes, std::size_t first, const Circle& reach, Vect
         if (dot(planes[i].direction, other.direction) > 0) continue;
         bisector.point = 0.5 * (planes[i].point + other.point);
       } else {
-        bisector.point = planes[i].point +
-                         (cross(other.direction, planes[i].point - other.point) / sine) * planes[i].direction;
+        bisector.point =
+            planes[i].point + (cross(other.direction, planes[i].point - other.point) / sine) * planes[i].direction;
       }
       const Vector difference = other.direction - planes[i].direction;
       bisector.direction = (1 / length(difference)) * difference;
@@ -174,17 +174,17 @@ Avoidance::Avoidance(const AvoidanceConfig& config) : config_{config} {
 
 Avoidance::Output Avoidance::step(const Disc& self, const FieldVelocity& preferred, std::span<const Disc> others,
                                   Duration dt) {
-  const Circle reach{.centre = {self.velocity.x, self.velocity.y},
-                     .radius = config_.acceleration_mps2 * seconds(dt)};
+  const Circle reach{.centre = {self.velocity.x, self.velocity.y}, .radius = config_.acceleration_mps2 * seconds(dt)};
   if (others.size() > capacity || !all_sane(self) || !std::all_of(others.begin(), others.end(), all_sane) ||
       !sane(preferred.x) || !sane(preferred.y) || !sane(preferred.w)) {
     ++refused_;
     const double speed = length(reach.centre);
     const double rest = speed > reach.radius ? 1 - reach.radius / speed : 0;
     const bool known = sane(self.velocity.x) && sane(self.velocity.y);
-    return {.velocity = known ? FieldVelocity{.x = rest * self.velocity.x, .y = rest * self.velocity.y} : FieldVelocity{},
-            .clear = false,
-            .refused = true};
+    return {
+        .velocity = known ? FieldVelocity{.x = rest * self.velocity.x, .y = rest * self.velocity.y} : FieldVelocity{},
+        .clear = false,
+        .refused = true};
   }
 
   std::array<HalfPlane, capacity> planes;

@@ -60,15 +60,12 @@ Path::Place Path::place(const Pose2d& robot, std::size_t& segment) const {
       ++segment;
       continue;
     }
-    return {.pose = along(start, s, k),
-            .curvature_radpm = k,
-            .offset_m = offset,
-            .to_go_m = beyond_m + shape.length_m - s};
+    return {
+        .pose = along(start, s, k), .curvature_radpm = k, .offset_m = offset, .to_go_m = beyond_m + shape.length_m - s};
   }
 }
 
-PathFollowing::PathFollowing(const PathFollowingConfig& config, Path path)
-    : config_{config}, path_{std::move(path)} {
+PathFollowing::PathFollowing(const PathFollowingConfig& config, Path path) : config_{config}, path_{std::move(path)} {
   require_positive("k1", config.k1);
   require_positive("k2", config.k2);
   require_positive("turn_rate_limit_radps", config.turn_rate_limit_radps);

@@ -48,10 +48,9 @@ TrajectoryTracker::Output TrajectoryTracker::step(const Pose2d& estimate, const 
   const MotionState reference = plan_->at(elapsed_);
   const auto& [pose, velocity] = reference;
   const double turn = angle_between(estimate.heading, pose.heading);
-  FieldVelocity command{
-      .x = config_.feed_forward * velocity.x + x_.step(pose.x, estimate.x, dt),
-      .y = config_.feed_forward * velocity.y + y_.step(pose.y, estimate.y, dt),
-      .w = config_.feed_forward * velocity.w + heading_.step(turn, 0, dt)};
+  FieldVelocity command{.x = config_.feed_forward * velocity.x + x_.step(pose.x, estimate.x, dt),
+                        .y = config_.feed_forward * velocity.y + y_.step(pose.y, estimate.y, dt),
+                        .w = config_.feed_forward * velocity.w + heading_.step(turn, 0, dt)};
   const double speed = std::hypot(command.x, command.y);
   const double scale = speed > config_.speed_limit_mps ? config_.speed_limit_mps / speed : 1;
   command = {.x = scale * command.x,

@@ -56,9 +56,14 @@ Cruise quickest_cruise(const Move& move, const AxisLimits& limits) {
   const double way = a * distance;
   const double lost = up * (u - v0) + down * (u - v1);
   const double inverse = 1 / (a * u);
-  return {.velocity = u,
-          .duration_s = (way + 0.5 * lost) * inverse,
-          .slope_s = ((up + down) * u - way - lost) * inverse};
+  return {
+      .velocity = u, .duration_s = (way + 0.5 * lost) * inverse, .slope_s = ((up + down) * u - way - lost) * inverse};
+}
+
+/// Beyond the limit in the same direction at both ends.
+bool passes_too_fast(const AxisState& start, const AxisState& goal, const AxisLimits& limits) {
+  return start.velocity * goal.velocity > 0 &&
+         std::min(std::abs(start.velocity), std::abs(goal.velocity)) > limits.speed;
 }
 
 /// Nothing to do, for as long as one likes.
@@ -107,12 +112,12 @@ std::optional<AxisProfile> AxisProfile::lasting(double duration_s, const AxisSta
   const double difference = a * duration_s - v0 - v1;
   const double dip = a * distance - 0.5 * (v0 * v0 + v1 * v1);
   const double below = 0.5 * (std::sqrt(difference * difference + 4 * dip) - difference);
+  const double rounding = 1e-12 * (1 + std::abs(distance) + (v0 * v0 + v1 * v1) / a);
   for (const double root : {above, between, below}) {
     const double u = std::clamp(root, -limits.speed, limits.speed);  // a double root has lost half of its digits
     const double ramps_s = (std::abs(u - v0) + std::abs(v1 - u)) / a;
     const double covered = ramp_distance(v0, u, a) + ramp_distance(u, v1, a) + u * (duration_s - ramps_s);
-    if (ramps_s <= duration_s * (1 + 1e-12) &&
-        std::abs(covered - distance) <= 1e-12 * (1 + std::abs(distance))) {
+    if (ramps_s <= duration_s * (1 + 1e-12) && std::abs(covered - distance) <= rounding) {
       return AxisProfile{start, sign * u, goal.velocity, a, duration_s};
     }
   }
@@ -215,6 +220,12 @@ class SplitSearch {
   SplitSearch(const Plane& start, const Plane& goal, const MotionLimits& limits, LeadTo lead_to)
       : start_{start}, goal_{goal}, speed_{limits.speed_mps}, acceleration_{limits.acceleration_mps2}, to_{lead_to} {}
 
+  [[nodiscard]] Split split(double cosine, double sine) const {
+    if (to_ == LeadTo::nowhere) return split(cosine, sine, start_, 0);
+    const Led led = lead(cosine, sine);
+    return split(cosine, sine, led.end, led.duration_s);
+  }
+
   /// The duration of x grows with α and that of y falls, so where they are equal the later of the two is least. The
   /// unknown is z = log tan α: the logarithm of their ratio is nearly a line in it, so that Newton's method takes four
   /// steps where bisection takes thirty. Brackets guard it.
@@ -246,13 +257,17 @@ class SplitSearch {
       const double x_s = now.x.duration_s + tiny;
       const double y_s = now.y.duration_s + tiny;
       at_least = std::max(at_least, now.lead_s + std::min(x_s, y_s));
-      if (best_s - at_least <= 1e-10 * (1 + best_s)) break;
+      const double to_gain_s = best_s - at_least;
+      if (to_gain_s <= 1e-9) break;
 
       const double error = std::log(x_s / y_s);
       if (z == (error < 0 ? high : low)) break;  // the goal's velocity forbids to go on
       (error < 0 ? low : high) = z;
       (error < 0 ? low_known : high_known) = true;
       const bool slow = std::abs(error) > 0.25 * std::abs(last_error);
+      // Where an axis can only just stop in time, its duration goes with a square root: rounding forbids to come
+      // nearer.
+      if (slow && to_gain_s <= 1e-7) break;
       double slope = -now.sine * now.sine * now.x.slope_s / x_s - now.cosine * now.cosine * now.y.slope_s / y_s;
       if (slow) slope = (error - last_error) / (z - last_z);  // the lead is not in the slope: take the secant
       double next = std::clamp(z - error / std::max(slope, 0.1), low, high);
@@ -265,16 +280,16 @@ class SplitSearch {
     return best;
   }
 
-  /// Whether a split other than `best()` may take less than `duration_s`. With a share too small for its start
-  /// velocity an axis takes less time the smaller the share, until it only just stops in time, after 2 d / v0. The
-  /// derivative of the duration says when: a d > v0 v_max.
+  /// Whether a split other than `best()` may take less than `duration_s` to a goal at rest. With a share too small for
+  /// its start velocity an axis takes less time the smaller the share, until it only just stops in time, after 2 d /
+  /// v0. The derivative of the duration says when: a d > v0 v_max.
   [[nodiscard]] bool another_may_be_quicker(double duration_s) const {
     const auto dips = [&](const AxisState& start, const AxisState& goal) {
       const double distance = (goal.position - start.position) * (start.velocity < 0 ? -1 : 1);
       const double v0 = std::abs(start.velocity);
       return acceleration_ * distance > v0 * speed_ && 2 * distance < duration_s * v0;
     };
-    return goal_.x.velocity == 0 && goal_.y.velocity == 0 && (dips(start_.x, goal_.x) || dips(start_.y, goal_.y));
+    return dips(start_.x, goal_.x) || dips(start_.y, goal_.y);
   }
 
   /// The published split: α halved from 45° towards the axis that ends later, until they end within a millisecond.
@@ -289,22 +304,24 @@ class SplitSearch {
     return now;
   }
 
-  /// Both axes at once, for as long as the later needs. Empty when the earlier cannot last so long, or when together
-  /// they are too fast on the way.
+  /// Both axes at once, for as long as the later needs. Empty when one is beyond its share at both ends, when the
+  /// earlier cannot last so long, or when together they are too fast on the way.
   [[nodiscard]] std::optional<Translation> translation(const Split& split) const {
     const Led led = lead(split.cosine, split.sine);
     const auto& [x, y] = led.end;
     const AxisLimits x_limits = limits_of(split.cosine);
     const AxisLimits y_limits = limits_of(split.sine);
+    if (passes_too_fast(x, goal_.x, x_limits) || passes_too_fast(y, goal_.y, y_limits)) return std::nullopt;
     const bool x_is_later = split.x.duration_s >= split.y.duration_s;
     const auto earlier = x_is_later ? AxisProfile::lasting(split.x.duration_s, y, goal_.y, y_limits)
                                     : AxisProfile::lasting(split.y.duration_s, x, goal_.x, x_limits);
     if (!earlier) return std::nullopt;
-    const Translation together{
-        .led = led,
-        .x = x_is_later ? AxisProfile::quickest(x, goal_.x, x_limits) : *earlier,
-        .y = x_is_later ? *earlier : AxisProfile::quickest(y, goal_.y, y_limits)};
-    if (std::abs(x.velocity) <= x_limits.speed && std::abs(y.velocity) <= y_limits.speed) return together;
+    const Translation together{.led = led,
+                               .x = x_is_later ? AxisProfile::quickest(x, goal_.x, x_limits) : *earlier,
+                               .y = x_is_later ? *earlier : AxisProfile::quickest(y, goal_.y, y_limits)};
+    const bool within_shares = std::max(std::abs(x.velocity), std::abs(goal_.x.velocity)) <= x_limits.speed &&
+                               std::max(std::abs(y.velocity), std::abs(goal_.y.velocity)) <= y_limits.speed;
+    if (within_shares) return together;
 
     // Between two switches the square of the speed is a convex parabola of time: it is largest at one of them.
     const auto too_fast = [&](double time_s) {
@@ -349,15 +366,10 @@ class SplitSearch {
   /// log(a / b), kept where e to it and its square are finite.
   static double log_ratio(double a, double b) { return std::clamp(std::log((a + tiny) / (b + tiny)), -80.0, 80.0); }
 
-  /// What an axis asks of its acceleration, roughly.
+  /// What an axis asks of the limits, roughly; exactly, when the start moves straight towards the goal or rests.
   [[nodiscard]] double need(const AxisState& start, const AxisState& goal) const {
-    return std::abs(goal.position - start.position) + 0.5 * start.velocity * start.velocity / acceleration_;
-  }
-
-  [[nodiscard]] Split split(double cosine, double sine) const {
-    if (to_ == LeadTo::nowhere) return split(cosine, sine, start_, 0);
-    const Led led = lead(cosine, sine);
-    return split(cosine, sine, led.end, led.duration_s);
+    const double speed = length(start_.x.velocity, start_.y.velocity);
+    return std::abs(goal.position - start.position) + 0.5 * std::abs(start.velocity) * speed / acceleration_;
   }
 
   [[nodiscard]] Split split(double cosine, double sine, const Plane& from, double lead_s) const {
@@ -381,21 +393,35 @@ class SplitSearch {
 };
 
 // The published split first. When the start is too fast for one axis's share, it may speed up beyond the vector limit:
-// then the velocity is first taken into the shares, in a straight line, which keeps both limits. Only goals in motion
-// may still be out of reach for both axes together; from rest, every goal is within reach at every later time.
+// then the velocity is first taken into the shares, in a straight line, which keeps both limits. A goal in motion
+// leaves little choice of shares, and may still be out of reach for both axes together. The last resort is always
+// there: from rest every goal is within reach at every later time, and equal shares s = √½ keep the limit with any
+// velocities at the ends: an axis beyond its share is within it before the other is beyond its own, as |vx| s + |vy| s
+// <= v_max.
 std::optional<Translation> quickest_translation(const Plane& start, const Plane& goal, const MotionLimits& limits) {
+  std::optional<Translation> quickest;
+  const auto consider = [&](const std::optional<Translation>& other) {
+    if (other && (!quickest || other->duration_s() < quickest->duration_s())) quickest = other;
+  };
+  const double half = std::sqrt(0.5);
+  const bool goal_rests = goal.x.velocity == 0 && goal.y.velocity == 0;
+
   const SplitSearch direct{start, goal, limits, LeadTo::nowhere};
-  auto translation = direct.translation(direct.best());
-  if (!translation || direct.another_may_be_quicker(translation->duration_s())) {
-    const auto other = direct.translation(direct.published());
-    if (other && (!translation || other->duration_s() < translation->duration_s())) translation = other;
+  consider(direct.translation(direct.best()));
+  if (!goal_rests) {
+    consider(direct.translation(direct.split(half, half)));
+  } else if (!quickest || direct.another_may_be_quicker(quickest->duration_s())) {
+    consider(direct.translation(direct.published()));
   }
-  for (const LeadTo lead_to : {LeadTo::split, LeadTo::rest}) {
-    if (translation) break;
-    const SplitSearch led{start, goal, limits, lead_to};
-    translation = led.translation(led.best());
-  }
-  return translation;
+  if (quickest) return quickest;
+
+  const SplitSearch turning_in{start, goal, limits, LeadTo::split};
+  consider(turning_in.translation(turning_in.best()));
+  if (goal_rests && quickest) return quickest;
+  const SplitSearch from_rest{start, goal, limits, LeadTo::rest};
+  consider(from_rest.translation(from_rest.best()));
+  consider(from_rest.translation(from_rest.split(half, half)));
+  return quickest;
 }
 
 // The quickest of the turns that end at the same heading: those that reach just beyond and just short of where the
@@ -437,8 +463,8 @@ std::optional<MotionPlan> MotionPlanner::plan(const MotionState& start, const Mo
   MotionPlan plan;
   plan.start_x_ = {.position = start.pose.x, .velocity = start.velocity.x};
   plan.start_y_ = {.position = start.pose.y, .velocity = start.velocity.y};
-  plan.heading_ = quickest_turn(
-      start, goal, {.speed = limits_.turn_rate_radps, .acceleration = limits_.turn_acceleration_radps2});
+  plan.heading_ =
+      quickest_turn(start, goal, {.speed = limits_.turn_rate_radps, .acceleration = limits_.turn_acceleration_radps2});
 
   Plane from{.x = plan.start_x_, .y = plan.start_y_};
   const Plane to{.x = {.position = goal.pose.x, .velocity = goal.velocity.x},

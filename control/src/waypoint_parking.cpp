@@ -10,9 +10,8 @@ namespace {
 Pose2d moved(const Pose2d& pose, const BodyVelocity& velocity, double dt_s) {
   const double half_turn = 0.5 * velocity.w * dt_s;
   const FieldVelocity field = to_field(velocity, pose.heading + half_turn);
-  return {.x = pose.x + field.x * dt_s,
-          .y = pose.y + field.y * dt_s,
-          .heading = wrap_angle(pose.heading + 2 * half_turn)};
+  return {
+      .x = pose.x + field.x * dt_s, .y = pose.y + field.y * dt_s, .heading = wrap_angle(pose.heading + 2 * half_turn)};
 }
 
 }  // namespace

@@ -2,11 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
-#include <cstdlib>
 #include <memory>
-#include <new>
 #include <vector>
 
+#include "counting_new.hpp"
 #include "regista/control/complementary_filter.hpp"
 #include "regista/control/kinematics.hpp"
 #include "regista/control/odometry.hpp"
@@ -19,29 +18,6 @@
 #error "tests/CMakeLists.txt defines it, so that Eigen asserts when it allocates where it must not"
 #endif
 
-namespace {
-std::size_t allocations = 0;
-}
-
-// NOLINTBEGIN(cppcoreguidelines-no-malloc)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // gcc 12 sees only one of each pair inlined
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc{};
-}
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  ++allocations;
-  const auto a = static_cast<std::size_t>(alignment);
-  if (void* memory = std::aligned_alloc(a, (size + a - 1) / a * a)) return memory;
-  throw std::bad_alloc{};
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
-// NOLINTEND(cppcoreguidelines-no-malloc)
-
 namespace regista::control {
 namespace {
 
@@ -51,9 +27,9 @@ using namespace std::chrono_literals;
 template <typename Steps>
 std::size_t allocations_of(Steps steps) {
   Eigen::internal::set_is_malloc_allowed(false);
-  const std::size_t before = allocations;
+  const std::size_t before = allocations().count;
   steps();
-  const std::size_t after = allocations;
+  const std::size_t after = allocations().count;
   Eigen::internal::set_is_malloc_allowed(true);
   return after - before;
 }

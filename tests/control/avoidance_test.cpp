@@ -24,8 +24,8 @@ struct Robot {
 class Field {
  public:
   void add_robot(double x, double y, double goal_x, double goal_y) {
-    robots_.push_back({.disc = {.x = x, .y = y, .radius_m = robot_radius_m, .cooperates = true},
-                       .goal = {.x = goal_x, .y = goal_y}});
+    robots_.push_back(
+        {.disc = {.x = x, .y = y, .radius_m = robot_radius_m, .cooperates = true}, .goal = {.x = goal_x, .y = goal_y}});
   }
   void add_obstacle(const Disc& disc) { obstacles_.push_back(disc); }
 
@@ -42,8 +42,8 @@ class Field {
         }
         const auto output = avoidance.step(robot.disc, wish(robot), others, dt);
         EXPECT_FALSE(output.refused);
-        const double change = std::hypot(output.velocity.x - robot.disc.velocity.x,
-                                         output.velocity.y - robot.disc.velocity.y);
+        const double change =
+            std::hypot(output.velocity.x - robot.disc.velocity.x, output.velocity.y - robot.disc.velocity.y);
         EXPECT_LE(change, config.acceleration_mps2 * seconds(dt) + 1e-9);
         EXPECT_LE(std::hypot(output.velocity.x, output.velocity.y), config.speed_mps + 1e-9);
         commands.push_back(output.velocity);
@@ -102,7 +102,8 @@ class Field {
 
 TEST(Avoidance, alone_takes_the_preferred_velocity) {
   Avoidance avoidance{config};
-  const auto output = avoidance.step({.velocity = {.x = 1}, .radius_m = 0.09}, {.x = 1.01, .y = 0.01, .w = 2}, {}, 10ms);
+  const auto output =
+      avoidance.step({.velocity = {.x = 1}, .radius_m = 0.09}, {.x = 1.01, .y = 0.01, .w = 2}, {}, 10ms);
   EXPECT_NEAR(output.velocity.x, 1.01, 1e-12);
   EXPECT_NEAR(output.velocity.y, 0.01, 1e-12);
   EXPECT_EQ(output.velocity.w, 2);

@@ -35,8 +35,8 @@ TEST(Path, measures_from_arcs_to_either_side) {
     std::size_t segment = 0;
     // A quarter circle around (0, 2 side), seen from a robot half a metre inside its middle.
     const double inside = 1.5 * std::sqrt(0.5);
-    const auto place = path({{.length_m = pi, .curvature_radpm = 0.5 * side}})
-                           .place({.x = inside, .y = side * (2 - inside)}, segment);
+    const auto place =
+        path({{.length_m = pi, .curvature_radpm = 0.5 * side}}).place({.x = inside, .y = side * (2 - inside)}, segment);
     EXPECT_NEAR(place.offset_m, 0.5 * side, 1e-12);
     EXPECT_NEAR(place.to_go_m, pi / 2, 1e-12);
     EXPECT_NEAR(place.pose.heading, side * pi / 4, 1e-12);

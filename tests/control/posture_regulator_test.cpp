@@ -19,8 +19,7 @@ Pose2d driven(const Pose2d& pose, const BodyVelocity& command, double s = dt_s) 
 }
 
 class Gains : public testing::TestWithParam<PostureRegulatorConfig> {};
-INSTANTIATE_TEST_SUITE_P(, Gains,
-                         testing::Values(PostureRegulatorConfig::quick(), PostureRegulatorConfig::sharp()));
+INSTANTIATE_TEST_SUITE_P(, Gains, testing::Values(PostureRegulatorConfig::quick(), PostureRegulatorConfig::sharp()));
 
 TEST_P(Gains, a_goal_ahead_is_driven_at_and_one_behind_backed_at) {
   PostureRegulator regulator{GetParam()};
@@ -70,8 +69,8 @@ TEST_P(Gains, make_the_lyapunov_function_fall_as_derived) {
     constexpr double h = 1e-6;
     const auto next = regulator.step(driven(pose, here.command, h), goal);
     const auto last = regulator.step(driven(pose, here.command, -h), goal);
-    const double derived = -config.k1 * std::pow(here.rho_m * std::cos(here.gamma_rad), 2) -
-                           config.k2 * here.gamma_rad * here.gamma_rad;
+    const double derived =
+        -config.k1 * std::pow(here.rho_m * std::cos(here.gamma_rad), 2) - config.k2 * here.gamma_rad * here.gamma_rad;
     ASSERT_NEAR((value(next) - value(last)) / (2 * h), derived, 1e-4 * (1 + std::abs(derived)));
   }
 }

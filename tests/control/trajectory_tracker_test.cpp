@@ -77,9 +77,9 @@ TEST(TrajectoryTracker, a_new_target_on_the_way_makes_no_jump_of_the_reference) 
     const auto output = tracker.step(pose, target, dt);
     if (i > 0) {
       ASSERT_LE(distance(before.pose, output.reference.pose), 0.6 * seconds(dt) + 1e-9);
-      ASSERT_LE(std::hypot(output.reference.velocity.x - before.velocity.x,
-                           output.reference.velocity.y - before.velocity.y),
-                1.5 * seconds(dt) + 1e-9);
+      ASSERT_LE(
+          std::hypot(output.reference.velocity.x - before.velocity.x, output.reference.velocity.y - before.velocity.y),
+          1.5 * seconds(dt) + 1e-9);
     }
     before = output.reference;
     pose = driven(pose, output.command);

@@ -56,8 +56,7 @@ TEST(AxisProfile, too_fast_to_stop_in_time_it_overshoots_and_comes_back) {
 }
 
 TEST(AxisProfile, after_the_end_goes_on_with_the_final_velocity) {
-  const auto profile =
-      AxisProfile::quickest({}, {.position = 1, .velocity = 0.5}, {.speed = 1, .acceleration = 1});
+  const auto profile = AxisProfile::quickest({}, {.position = 1, .velocity = 0.5}, {.speed = 1, .acceleration = 1});
   const AxisState later = profile.at(profile.duration_s() + 2);
   EXPECT_NEAR(later.position, 2, 1e-14);
   EXPECT_EQ(later.velocity, 0.5);
@@ -91,10 +90,10 @@ TEST(AxisProfile, can_last_any_longer_when_the_goal_is_at_rest) {
 }
 
 TEST(MotionPlanner, names_the_limit_that_it_refuses) {
-  for (const auto& [bad, name] : {std::pair{MotionLimits{0, 1, 1, 1}, "speed_mps"},
-                                  std::pair{MotionLimits{1, -1, 1, 1}, "acceleration_mps2"},
-                                  std::pair{MotionLimits{1, 1, std::nan(""), 1}, "turn_rate_radps"},
-                                  std::pair{MotionLimits{1, 1, 1, INFINITY}, "turn_acceleration_radps2"}}) {
+  for (const auto& [bad, name] :
+       {std::pair{MotionLimits{0, 1, 1, 1}, "speed_mps"}, std::pair{MotionLimits{1, -1, 1, 1}, "acceleration_mps2"},
+        std::pair{MotionLimits{1, 1, std::nan(""), 1}, "turn_rate_radps"},
+        std::pair{MotionLimits{1, 1, 1, INFINITY}, "turn_acceleration_radps2"}}) {
     try {
       const MotionPlanner planner{bad};
       FAIL() << name;
@@ -119,6 +118,16 @@ TEST(MotionPlanner, a_straight_move_gets_the_whole_limits) {
   ASSERT_TRUE(plan);
   EXPECT_NEAR(plan->duration_s(), 5.0 / 3 + 1, 1e-9);
   EXPECT_NEAR(speed(plan->at(from_seconds(1.2))), 3, 1e-12);
+}
+
+TEST(MotionPlanner, meets_a_goal_that_moves_at_full_speed_along_one_axis) {
+  const auto plan = MotionPlanner{limits}.plan({}, {.pose = {.x = 1, .y = 1}, .velocity = {.y = 3}});
+  ASSERT_TRUE(plan);
+  EXPECT_LT(plan->duration_s(), 5);
+  const MotionState end = plan->at(from_seconds(plan->duration_s()));
+  EXPECT_NEAR(end.pose.x, 1, 1e-8);
+  EXPECT_NEAR(end.pose.y, 1, 1e-8);
+  EXPECT_NEAR(end.velocity.y, 3, 1e-8);
 }
 
 TEST(MotionPlanner, turns_the_quicker_way_which_may_be_the_longer) {
@@ -210,6 +219,30 @@ INSTANTIATE_TEST_SUITE_P(, Plans,
                                          Case{"outside_to_motion", 6, 3}),
                          [](const auto& chosen) { return std::string{chosen.param.name}; });
 
+TEST(MotionPlanner, finds_a_plan_whatever_the_orders_of_magnitude) {
+  RandomStates random{8};
+  const auto any = [&] { return std::copysign(std::pow(10, random.uniform(-6, 2.5)), random.uniform(-1, 1)); };
+  const auto any_or_none = [&] { return random.uniform(0, 1) < 0.2 ? 0 : any(); };
+  for (int i = 0; i < 20'000; ++i) {
+    const MotionLimits odd{.speed_mps = 1e-3 + std::abs(any()),
+                           .acceleration_mps2 = 1e-3 + std::abs(any()),
+                           .turn_rate_radps = 1e-3 + std::abs(any()),
+                           .turn_acceleration_radps2 = 1e-3 + std::abs(any())};
+    const double speed_mps = odd.speed_mps * random.uniform(0, 1);
+    const double direction = random.uniform(-pi, pi);
+    const MotionState start{.pose = {any_or_none(), any_or_none(), any()},
+                            .velocity = {any_or_none(), any_or_none(), any()}};
+    const MotionState goal{.pose = {any_or_none(), any_or_none(), any()},
+                           .velocity = {speed_mps * std::cos(direction), speed_mps * std::sin(direction), 0}};
+    for (const MotionState& to : {goal, MotionState{.pose = goal.pose}}) {
+      const auto plan = MotionPlanner{odd}.plan(start, to);
+      ASSERT_TRUE(plan);
+      ASSERT_TRUE(std::isfinite(plan->duration_s()));
+      ASSERT_GE(plan->duration_s(), 0);
+    }
+  }
+}
+
 TEST(MotionPlanner, from_above_the_speed_limit_brakes_straight_at_full_deceleration) {
   const MotionPlanner planner{limits};
   RandomStates random{5};
@@ -300,9 +333,8 @@ Published published_plan(const MotionState& start, const MotionState& goal) {
 /// Its axes do not know of each other: what they do together may be too fast.
 bool published_plan_keeps_the_speed_limit(const MotionState& start, const MotionState& goal, double alpha) {
   const auto axis = [](double from, double velocity, double to, double share) {
-    return AxisProfile::quickest(
-        {.position = from, .velocity = velocity}, {.position = to},
-        {.speed = limits.speed_mps * share, .acceleration = limits.acceleration_mps2 * share});
+    return AxisProfile::quickest({.position = from, .velocity = velocity}, {.position = to},
+                                 {.speed = limits.speed_mps * share, .acceleration = limits.acceleration_mps2 * share});
   };
   const AxisProfile x = axis(start.pose.x, start.velocity.x, goal.pose.x, std::cos(alpha));
   const AxisProfile y = axis(start.pose.y, start.velocity.y, goal.pose.y, std::sin(alpha));
@@ -335,7 +367,7 @@ TEST(MotionPlanner, is_never_slower_than_the_published_algorithm_where_that_keep
     const double difference_s = planner.plan(start, goal)->duration_s() - published.duration_s;
     if (published_plan_keeps_the_speed_limit(start, goal, published.alpha)) {
       ++compared;
-      slower += difference_s > 1e-9;
+      slower += difference_s > 1e-7;
       worst_s = std::max(worst_s, difference_s);
       saved_s -= difference_s;
     } else {
@@ -344,9 +376,10 @@ TEST(MotionPlanner, is_never_slower_than_the_published_algorithm_where_that_keep
     }
   }
   RecordProperty("compared", compared);
-  std::printf("%d plans: %d within the limit, of these %d slower (worst %.3g s, mean gain %.3g s); %d beyond it, %d of "
-              "these quicker than ours\n",
-              plans, compared, slower, worst_s, saved_s / compared, beyond_the_limit, slower_than_beyond);
+  std::printf(
+      "%d plans: %d within the limit, of these %d slower (worst %.3g s, mean gain %.3g s); %d beyond it, %d of "
+      "these quicker than ours\n",
+      plans, compared, slower, worst_s, saved_s / compared, beyond_the_limit, slower_than_beyond);
   EXPECT_EQ(slower, 0);
   EXPECT_GT(compared, plans * 8 / 10);
 }

@@ -46,13 +46,12 @@ TEST(WaypointLaw, takes_the_heading_to_the_curve_as_derived) {
     const auto output = law.step(pose, goal);
     const double line_of_sight = std::atan2(-pose.y, -pose.x);
     const bool near_a_cut = std::abs(angle_between(line_of_sight, goal.heading)) > 3.1 ||
-                            std::abs(angle_between(line_of_sight, pose.heading)) > 3.1 ||
-                            std::abs(line_of_sight) > 3.1;
+                            std::abs(angle_between(line_of_sight, pose.heading)) > 3.1 || std::abs(line_of_sight) > 3.1;
     if (output.distance_m < 0.2 || near_a_cut) continue;
     constexpr double h = 1e-6;
-    const double rate = (off_curve(driven(pose, output.command, h), goal) -
-                         off_curve(driven(pose, output.command, -h), goal)) /
-                        (2 * h);
+    const double rate =
+        (off_curve(driven(pose, output.command, h), goal) - off_curve(driven(pose, output.command, -h), goal)) /
+        (2 * h);
     ASSERT_NEAR(rate, -config.k2 * output.command.x / output.distance_m * off_curve(pose, goal), 1e-6);
   }
 }

@@ -21,8 +21,8 @@ class Rover {
 
   WaypointMission::Output step() {
     constexpr Duration dt = 20ms;
-    const auto output = mission.step(
-        {.estimate = sees ? std::optional{pose} : std::nullopt, .wheels = wheels, .tool = report}, dt);
+    const auto output =
+        mission.step({.estimate = sees ? std::optional{pose} : std::nullopt, .wheels = wheels, .tool = report}, dt);
     wheels = output.command;
     pose = pose * Pose2d{.x = wheels.x * seconds(dt), .heading = wheels.w * seconds(dt)};
     report = {};

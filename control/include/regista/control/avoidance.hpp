@@ -45,7 +45,8 @@ class Avoidance {
   explicit Avoidance(const AvoidanceConfig& config);
 
   /// `self` with its present velocity, the velocity that it would like, and everybody else.
-  [[nodiscard]] Output step(const Disc& self, const FieldVelocity& preferred, std::span<const Disc> others, Duration dt);
+  [[nodiscard]] Output step(const Disc& self, const FieldVelocity& preferred, std::span<const Disc> others,
+                            Duration dt);
 
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
 

@@ -42,8 +42,8 @@ class Path {
 };
 
 struct PathFollowingConfig {
-  double k1 = 0;                    ///< [1/m²], on the offset: 1/sqrt(k1) is the distance over which it is taken in
-  double k2 = 0;                    ///< [1/m], on the heading; 2 sqrt(k1) damps critically
+  double k1 = 0;  ///< [1/m²], on the offset: 1/sqrt(k1) is the distance over which it is taken in
+  double k2 = 0;  ///< [1/m], on the heading; 2 sqrt(k1) damps critically
   double turn_rate_limit_radps = 0;
 };
 
@@ -56,9 +56,9 @@ struct PathFollowingConfig {
 ///
 ///     ω = κ v cos ψ / (1 - κ e) - k1 v e sin ψ / ψ - k2 |v| ψ
 ///
-/// gives V' = k1 e v sin ψ - k1 v e sin ψ - k2 |v| ψ² = -k2 |v| ψ² ≤ 0: that is the condition of Lien 2013, 2.4.2. Where
-/// ψ stays 0, ψ' = -k1 v e makes e = 0 the only place to stay (LaSalle), as long as the robot moves and is not at the
-/// centre of its curve, where 1 - κ e = 0. This is the law of Samson 1995 written for both directions of travel.
+/// gives V' = k1 e v sin ψ - k1 v e sin ψ - k2 |v| ψ² = -k2 |v| ψ² ≤ 0: that is the condition of Lien 2013, 2.4.2.
+/// Where ψ stays 0, ψ' = -k1 v e makes e = 0 the only place to stay (LaSalle), as long as the robot moves and is not at
+/// the centre of its curve, where 1 - κ e = 0. This is the law of Samson 1995 written for both directions of travel.
 class PathFollowing {
  public:
   struct Output {

@@ -7,10 +7,10 @@
 namespace regista::control {
 
 struct PostureRegulatorConfig {
-  double k1 = 2;                    ///< [1/s], on the distance
-  double k2 = 4;                    ///< [1/s], on the bearing
-  double k3 = 1.3;                  ///< on the direction of approach
-  double speed_limit_mps = 1;       ///< either way; above it the whole command is scaled, which keeps its path
+  double k1 = 2;                     ///< [1/s], on the distance
+  double k2 = 4;                     ///< [1/s], on the bearing
+  double k3 = 1.3;                   ///< on the direction of approach
+  double speed_limit_mps = 1;        ///< either way; above it the whole command is scaled, which keeps its path
   double turn_rate_limit_radps = 2;  ///< likewise
   double tolerance_m = 0.05;
   double tolerance_rad = 0.05;

@@ -9,29 +9,27 @@
 namespace regista::control {
 
 struct TrajectoryTrackerConfig {
-  MotionLimits profile;                    ///< of the moves planned
-  double translation_proportional = 0;     ///< [1/s]
-  double translation_integral = 0;         ///< [1/s²]
-  double rotation_proportional = 0;        ///< [1/s]
-  double rotation_integral = 0;            ///< [1/s²]
-  double speed_limit_mps = 0;              ///< of the command
-  double turn_rate_limit_radps = 0;        ///< of the command
-  double feed_forward = 1;                 ///< part of the planned velocity that goes straight into the command
-  double restart_distance_m = 0.5;         ///< farther than this from the plan, it starts anew from where the robot is
+  MotionLimits profile;                 ///< of the moves planned
+  double translation_proportional = 0;  ///< [1/s]
+  double translation_integral = 0;      ///< [1/s²]
+  double rotation_proportional = 0;     ///< [1/s]
+  double rotation_integral = 0;         ///< [1/s²]
+  double speed_limit_mps = 0;           ///< of the command
+  double turn_rate_limit_radps = 0;     ///< of the command
+  double feed_forward = 1;              ///< part of the planned velocity that goes straight into the command
+  double restart_distance_m = 0.5;      ///< farther than this from the plan, it starts anew from where the robot is
 
   /// Holtzhausen 2013: three PI loops on the position, nothing fed forward; turn limits of the profile are ours.
   static TrajectoryTrackerConfig published() {
-    return {.profile = {.speed_mps = 0.6,
-                        .acceleration_mps2 = 1.5,
-                        .turn_rate_radps = 2,
-                        .turn_acceleration_radps2 = 6},
-            .translation_proportional = 3,
-            .translation_integral = 6,
-            .rotation_proportional = 1.5,
-            .rotation_integral = 2,
-            .speed_limit_mps = 1,
-            .turn_rate_limit_radps = 2,
-            .feed_forward = 0};
+    return {
+        .profile = {.speed_mps = 0.6, .acceleration_mps2 = 1.5, .turn_rate_radps = 2, .turn_acceleration_radps2 = 6},
+        .translation_proportional = 3,
+        .translation_integral = 6,
+        .rotation_proportional = 1.5,
+        .rotation_integral = 2,
+        .speed_limit_mps = 1,
+        .turn_rate_limit_radps = 2,
+        .feed_forward = 0};
   }
 };
 

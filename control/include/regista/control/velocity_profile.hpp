@@ -27,8 +27,9 @@ class AxisProfile {
   /// At rest at `position`, with nothing to do.
   explicit AxisProfile(double position = 0) : start_position_{position} {}
 
-  /// The quickest move. A start faster than the limit first slows down at full deceleration; so does, mirrored in
-  /// time, a goal faster than the limit. Closed form; every number must be finite and the limits positive.
+  /// The quickest move. A start faster than the limit first slows down at full deceleration; or, mirrored in time, a
+  /// goal faster than the limit is sped up to last; not both in the same direction. Closed form; every number must be
+  /// finite and the limits positive.
   [[nodiscard]] static AxisProfile quickest(const AxisState& start, const AxisState& goal, const AxisLimits& limits);
 
   /// The move that takes exactly `duration_s`, cruising slower than the quickest does. Empty when there is none: with

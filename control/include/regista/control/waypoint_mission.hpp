@@ -50,8 +50,8 @@ class WaypointMission {
     ToolAction tool = ToolAction::none;  ///< to be done, until reported finished
     Phase phase = Phase::driving;
     bool paused = false;
-    std::size_t waypoint = 0;      ///< under way or worked at; their number when finished
-    double distance_m = 0;         ///< still to go to it
+    std::size_t waypoint = 0;       ///< under way or worked at; their number when finished
+    double distance_m = 0;          ///< still to go to it
     std::string_view failure = {};  ///< why it failed; empty otherwise
   };
 

@@ -40,7 +40,7 @@ def test_durations_equal_those_of_ruckig():
     rng = random.Random(1)
     cases = [random_case(rng) for _ in range(CASES)]
     lines = "".join(" ".join(map(repr, case)) + "\n" for case in cases)
-    program = os.environ["PROFILE_DURATIONS"]
+    program = os.path.join(os.environ.get("REGISTA_BIN", "build/dev/bin"), "profile_durations")
     ours = subprocess.run([program], input=lines, capture_output=True, text=True, check=True, timeout=60).stdout.split()
     assert len(ours) == CASES
     for case, duration in zip(cases, map(float, ours)):

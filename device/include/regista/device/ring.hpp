@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace regista {
+
+/// Bounded queue between exactly two threads; wait-free; refuses when full. Elements are written and read in place and
+/// stay constructed, so that their memory is used again.
+template <typename T, std::size_t capacity>
+class Ring {
+  static_assert((capacity & (capacity - 1)) == 0, "a power of two");
+
+ public:
+  /// Producer: the element to fill, or null when fewer than `reserve` + 1 are free.
+  T* claim(std::size_t reserve = 0) {
+    const std::size_t at = written_.load(std::memory_order_relaxed);
+    if (at - read_seen_ + reserve >= capacity) {
+      read_seen_ = read_.load(std::memory_order_acquire);
+      if (at - read_seen_ + reserve >= capacity) return nullptr;
+    }
+    return &(*elements_)[at % capacity];
+  }
+  /// Producer: hand the claimed element over.
+  void push() { written_.store(written_.load(std::memory_order_relaxed) + 1, std::memory_order_release); }
+
+  /// Consumer: the oldest element, or null.
+  T* front() {
+    const std::size_t at = read_.load(std::memory_order_relaxed);
+    if (at == written_seen_) {
+      written_seen_ = written_.load(std::memory_order_acquire);
+      if (at == written_seen_) return nullptr;
+    }
+    return &(*elements_)[at % capacity];
+  }
+  /// Consumer: give the element back to the producer.
+  void pop() { read_.store(read_.load(std::memory_order_relaxed) + 1, std::memory_order_release); }
+
+  /// Either thread, or a third: how many wait, roughly.
+  [[nodiscard]] std::size_t size() const {
+    return written_.load(std::memory_order_relaxed) - read_.load(std::memory_order_relaxed);
+  }
+
+ private:
+  // A line each, so that the threads do not take it from one another.
+  alignas(64) std::atomic<std::size_t> written_{0};
+  std::size_t read_seen_ = 0;
+  alignas(64) std::atomic<std::size_t> read_{0};
+  std::size_t written_seen_ = 0;
+  alignas(64) std::unique_ptr<std::array<T, capacity>> elements_ = std::make_unique<std::array<T, capacity>>();
+};
+
+/// The newest value, handed from one thread to one other; wait-free; memory is used again.
+template <typename T>
+class Latest {
+ public:
+  /// Producer: fill this, then publish().
+  T& back() { return slots_[back_]; }
+  /// Producer. True: a value that nobody took was replaced.
+  bool publish() {
+    const std::uint8_t old = middle_.exchange(back_ | fresh, std::memory_order_acq_rel);
+    back_ = old & index;
+    return (old & fresh) != 0;
+  }
+  /// Consumer: the newest value since the last take, or null. Valid until the next take.
+  T* take() {
+    if ((middle_.load(std::memory_order_relaxed) & fresh) == 0) return nullptr;
+    front_ = middle_.exchange(front_, std::memory_order_acq_rel) & index;
+    return &slots_[front_];
+  }
+
+ private:
+  static constexpr std::uint8_t fresh = 4;
+  static constexpr std::uint8_t index = 3;
+  std::array<T, 3> slots_{};
+  std::uint8_t back_ = 0;
+  std::atomic<std::uint8_t> middle_{1};
+  std::uint8_t front_ = 2;
+};
+
+/// A queue between two threads in which nothing is lost that must not be, and the newest wins where that is wanted.
+///
+/// An item of a *lane* (the states of one device, the set-points of one command) may be replaced by a newer one of its
+/// lane when the queue is full; an item without a lane is refused then. A quarter of the queue is kept for the latter.
+template <typename T, std::size_t capacity>
+class Mailbox {
+ public:
+  static constexpr std::size_t no_lane = static_cast<std::size_t>(-1);
+
+  /// Before the threads run. Gives the number of a new lane.
+  std::size_t add_lane() {
+    lanes_.push_back(std::make_unique<Lane>());
+    return lanes_.size() - 1;
+  }
+
+  /// Producer: `fill(T&)` writes the item in place, over an old one. False: full, and the item was refused.
+  template <typename Fill>
+  bool put(std::size_t lane, Fill&& fill) {
+    Item* item = ring_.claim(lane == no_lane ? 0 : capacity / 4);
+    if (item == nullptr && lane == no_lane) {
+      refused_.fetch_add(1, std::memory_order_relaxed);
+      return false;
+    }
+    Item& target = item != nullptr ? *item : lanes_[lane]->newest.back();
+    target.number = ++number_;
+    target.lane = lane;
+    fill(target.value);
+    if (item != nullptr) {
+      ring_.push();
+    } else if (lanes_[lane]->newest.publish()) {
+      replaced_.fetch_add(1, std::memory_order_relaxed);
+    }
+    return true;
+  }
+
+  /// Consumer: `take(T&)` each item, oldest first, at most as many as the queue holds. How many there were.
+  template <typename Take>
+  std::size_t drain(Take&& take) {
+    std::size_t count = 0;
+    for (Item* item = ring_.front(); item != nullptr && count < capacity; item = ring_.front(), ++count) {
+      if (item->lane != no_lane) lanes_[item->lane]->taken = item->number;
+      take(item->value);
+      ring_.pop();
+    }
+    for (const auto& lane : lanes_) {
+      Item* item = lane->newest.take();
+      if (item == nullptr || item->number < lane->taken) continue;
+      lane->taken = item->number;
+      take(item->value);
+      ++count;
+    }
+    return count;
+  }
+
+  // Any thread.
+  [[nodiscard]] std::size_t size() const { return ring_.size(); }
+  [[nodiscard]] std::uint64_t replaced() const { return replaced_.load(std::memory_order_relaxed); }
+  [[nodiscard]] std::uint64_t refused() const { return refused_.load(std::memory_order_relaxed); }
+
+ private:
+  struct Item {
+    std::uint64_t number = 0;
+    std::size_t lane = no_lane;
+    T value{};
+  };
+  struct Lane {
+    Latest<Item> newest;
+    std::uint64_t taken = 0;  ///< number of the last item that the consumer had
+  };
+
+  Ring<Item, capacity> ring_;
+  std::vector<std::unique_ptr<Lane>> lanes_;
+  std::uint64_t number_ = 0;
+  std::atomic<std::uint64_t> replaced_{0};
+  std::atomic<std::uint64_t> refused_{0};
+};
+
+}  // namespace regista

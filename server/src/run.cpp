@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+// A server's life: it starts its drivers, accepts clients, keeps house, and comes to rest.
+#include <algorithm>
+#include <asio/post.hpp>
+
+#include "impl.hpp"
+#include "notify.hpp"
+
+namespace regista {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+// Leases and hung drivers are noticed within so much.
+constexpr Duration tick = 10ms;
+constexpr Duration longest_shutdown = 1900ms;
+constexpr int beats_until_hung = 5;
+constexpr Duration least_hang = 50ms;
+
+}  // namespace
+
+bool Server::Impl::run() {
+  started_ = Clock::now();
+  wakeup_descriptor_.assign(::dup(wakeup_.descriptor()));
+  wait_for_drivers();
+  for (Hosted& hosted : drivers_) {
+    const bool moves = std::ranges::any_of(hosted.host->ports(), [](const PortCore& port) {
+      return std::ranges::any_of(port.commands, [](const auto& handler) { return static_cast<bool>(handler); });
+    });
+    if (moves && !hosted.plugin->stops_by_itself) {
+      log(LogLevel::warning,
+          "driver \"" + hosted.name +
+              "\" has no hardware watchdog: if this server is killed, what it drives is not stopped");
+    }
+    hosted.thread = std::make_unique<HostThread>(*hosted.host, realtime_);
+  }
+  for (const auto& listener : listeners_) {
+    const std::string endpoint = listener->endpoint();
+    if (!endpoint.starts_with("127.") && !endpoint.starts_with("[::1]")) {
+      log(LogLevel::warning, "listening on " + endpoint + ": whoever reaches it may drive; there is no authentication");
+    }
+    listener->start();
+  }
+  if (metrics_listener_) {
+    metrics_listener_->start();
+    log(LogLevel::info, "metrics on http://" + metrics_listener_->endpoint() + "/metrics");
+  }
+  housekeep();
+  asio::post(io_, [this] {
+    notify_service_manager("READY=1");
+    if (on_ready) on_ready();
+  });
+  io_.run();
+  return all_stopped_;
+}
+
+void Server::Impl::stop() {
+  asio::post(io_, [this] { begin_shutdown(); });
+}
+
+void Server::Impl::accept(asio::ip::tcp::socket socket) {
+  asio::error_code error;
+  const auto remote = socket.remote_endpoint(error);
+  if (error) return;  // gone already
+  if (sessions_.size() >= max_clients_) {
+    ++sessions_refused_;
+    log(LogLevel::warning, "client " + remote.address().to_string() + " refused: max_clients " +
+                               std::to_string(max_clients_) + " reached");
+    std::array<char, xdr::banner_size> refusal{};
+    const std::string text = "Player v. refused: max_clients";
+    std::ranges::copy(text, refusal.begin());
+    socket.non_blocking(true, error);
+    socket.write_some(asio::buffer(refusal), error);
+    return;
+  }
+  while (last_session_ + 1 >= first_driver_session || sessions_.contains(last_session_ + 1) || last_session_ + 1 == 0) {
+    last_session_ = (last_session_ + 1) % first_driver_session;
+  }
+  const SessionId id = ++last_session_;
+  const auto session = std::make_shared<Session>(*this, id, std::move(socket), limits_);
+  sessions_.emplace(id, session);
+  std::array<char, xdr::banner_size> banner{};
+  constexpr std::string_view text = "Player v.3.1.0 (regista " REGISTA_VERSION ")";
+  static_assert(text.size() < banner.size());
+  std::ranges::copy(text, banner.begin());
+  session->start({banner.data(), banner.size()});
+}
+
+void Server::Impl::housekeep() {
+  const Time now = Clock::now();
+  std::size_t pending = 0;
+  std::shared_ptr<Session> largest;
+  std::vector<std::shared_ptr<Session>> all;
+  for (const auto& [id, session] : sessions_) all.push_back(session);
+  for (const auto& session : all) {
+    session->check(now);
+    if (session->closed()) continue;
+    pending += session->pending_bytes();
+    if (largest == nullptr || session->pending_bytes() > largest->pending_bytes()) largest = session;
+  }
+  if (pending > max_pending_)
+    largest->close("the server holds " + std::to_string(pending >> 20) +
+                   " MiB for clients (max_pending), most for this one");
+  for (Hosted& hosted : drivers_) {
+    deliver_undelivered(hosted);
+    watch(hosted, now);
+  }
+  if (now - watchdog_kicked_ > 500ms) {
+    watchdog_kicked_ = now;
+    notify_service_manager("WATCHDOG=1");
+  }
+  if (shutting_down_since_ && now - *shutting_down_since_ > longest_shutdown) {
+    for (const Hosted& hosted : drivers_) {
+      if (!hosted.thread->stopped()) log(LogLevel::error, "driver \"" + hosted.name + "\" did not come to rest");
+    }
+    io_.stop();
+    return;
+  }
+  housekeeping_.expires_after(tick);
+  housekeeping_.async_wait([this](const asio::error_code& error) {
+    if (!error) housekeep();
+  });
+}
+
+void Server::Impl::watch(Hosted& hosted, Time now) {
+  const std::optional<Time> since = hosted.host->busy_since();
+  if (!since) {
+    hosted.hung_since.reset();
+    return;
+  }
+  const Duration period = hosted.host->rate_hz() > 0 ? from_seconds(1 / hosted.host->rate_hz()) : Duration{};
+  const Duration limit = std::max<Duration>(beats_until_hung * period, least_hang);
+  if (!hosted.hung_since && now - *since > limit) {
+    hosted.hung_since = since;
+    const bool stopped = hosted.host->give_up();
+    event(2, "driver \"" + hosted.name + "\" did not return for " + std::to_string((now - *since) / 1ms) + " ms" +
+                 (stopped ? "; its hardware was stopped" : "; it has no way to be stopped from outside"));
+    for (PortNotes& port : hosted.ports) {
+      for (auto& [group, motion] : port.motion) {
+        motion.state = player::MotionState::fault;
+        motion.reason = "driver \"" + hosted.name + "\" did not return";
+      }
+    }
+  }
+  if (hosted.hung_since && now - *since > hang_exit_ && on_hang) on_hang();
+}
+
+void Server::Impl::begin_shutdown() {
+  if (shutting_down_since_) return;
+  shutting_down_since_ = Clock::now();
+  notify_service_manager("STOPPING=1");
+  for (Hosted& hosted : drivers_) hosted.thread->request_stop();
+  event(0, "server shutting down");
+  for (const auto& listener : listeners_) listener->stop();
+  if (metrics_listener_) metrics_listener_->stop();
+  finish_shutdown_if_done();
+}
+
+void Server::Impl::finish_shutdown_if_done() {
+  if (!shutting_down_since_ || all_stopped_) return;
+  if (!std::ranges::all_of(drivers_, [](const Hosted& hosted) { return hosted.thread->stopped(); })) return;
+  all_stopped_ = true;
+  for (Hosted& hosted : drivers_) drain(hosted);
+  std::vector<std::shared_ptr<Session>> all;
+  for (const auto& [id, session] : sessions_) all.push_back(session);
+  for (const auto& session : all) session->close("");
+  io_.stop();
+}
+
+}  // namespace regista
