@@ -12,14 +12,14 @@
 namespace reproduce {
 namespace {
 
-std::string number(double value) {
+std::string number(double value, int digits = 3) {
   std::ostringstream text;
-  text.precision(3);
+  text.precision(digits);
   text << value;
   return text.str();
 }
 
-std::string published(const Row& row) { return row.published ? number(*row.published) : "–"; }
+std::string published(const Row& row) { return row.published ? number(*row.published, 4) : "–"; }
 
 /// Of one of our rows against the publication: by the whole interval, or nothing.
 std::string verdict(const Row& row) {
@@ -110,7 +110,7 @@ nlohmann::json to_json(const Row& row) {
 }
 
 std::string to_svg(const Plot& plot) {
-  constexpr double width = 640, height = 440, left = 60, right = 150, top = 34, bottom = 46;
+  constexpr double width = 640, height = 440, left = 60, right = 170, top = 34, bottom = 46;
   constexpr std::array colours{"#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf", "#7f7f7f"};
   Range x, y;
   for (const Line& line : plot.lines) {

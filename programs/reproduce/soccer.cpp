@@ -463,8 +463,9 @@ Experiment directions_table(const Settings& settings) {
     const Moves moves = eight_directions(settings, *variant);
     const std::string how = published == &wheels ? ", wheels only" : ", fused";
     const auto& angles = moves.direction_deg;
-    result.rows.push_back(row(published->source, "direction error, largest |mean| of a direction" + how, "deg",
-                              *variant, published->mean_deg, over_directions(angles, settings, size_of_mean, largest)));
+    result.rows.push_back(row(published->source, "direction error, largest mean of a direction, either way" + how,
+                              "deg", *variant, published->mean_deg,
+                              over_directions(angles, settings, size_of_mean, largest)));
     result.rows.push_back(row(published->source, "direction error, mean sd of a direction" + how, "deg", *variant,
                               published->mean_sd_deg, over_directions(angles, settings, standard_deviation, mean)));
     result.rows.push_back(row(published->source, "direction error, largest sd of a direction" + how, "deg", *variant,
@@ -541,9 +542,10 @@ Experiment gap(const Settings& settings) {
         return drive(world, *variant->make(true, Gates::all), std::array{Pose2d{.x = 1}});
       };
       Trace all = trace({}), some = trace(half_a_second);
-      const auto end = std::ranges::upper_bound(some.t_s, half_a_second.gap_until_s) - some.t_s.begin() - 1;
-      more_percent.push_back(100 *
-                             (some.off_m[static_cast<std::size_t>(end)] - all.off_m[static_cast<std::size_t>(end)]));
+      // The last sample before frames come again.
+      const auto after = std::ranges::lower_bound(some.t_s, half_a_second.gap_until_s - 1e-6);
+      const auto last = static_cast<std::size_t>(after - some.t_s.begin() - 1);
+      more_percent.push_back(100 * (some.off_m[last] - all.off_m[last]));
       if (run == 0) {
         result.plots[0].lines.push_back({.name = variant->name, .x = std::move(some.t_s), .y = std::move(some.off_m)});
       }
