@@ -6,7 +6,7 @@
 
 #include "report.hpp"
 
-namespace reproduce {
+namespace regista::reproduce {
 
 struct Settings {
   std::uint64_t seed = 1;
@@ -20,4 +20,4 @@ std::vector<Experiment> posture_experiments(const Settings& settings);
 /// L: two lists of waypoints.
 std::vector<Experiment> waypoint_experiments(const Settings& settings);
 
-}  // namespace reproduce
+}  // namespace regista::reproduce

@@ -19,7 +19,7 @@ void write(const std::filesystem::path& path, const std::string& text) {
 }  // namespace
 
 int main(int argc, char** argv) try {
-  reproduce::Settings settings;
+  regista::reproduce::Settings settings;
   std::string json, markdown, plots;
   CLI::App app{"Simulates what three publications measured, with their controllers and with ours, and compares"};
   app.set_version_flag("--version", REGISTA_VERSION);
@@ -33,9 +33,9 @@ int main(int argc, char** argv) try {
   app.add_option("--plots", plots, "Write the plots, SVG, into this folder, and link them in the Markdown");
   CLI11_PARSE(app, argc, argv);
 
-  std::vector<reproduce::Experiment> experiments;
-  for (const auto& run :
-       {reproduce::soccer_experiments, reproduce::posture_experiments, reproduce::waypoint_experiments}) {
+  std::vector<regista::reproduce::Experiment> experiments;
+  for (const auto& run : {regista::reproduce::soccer_experiments, regista::reproduce::posture_experiments,
+                          regista::reproduce::waypoint_experiments}) {
     std::ranges::move(run(settings), std::back_inserter(experiments));
   }
 

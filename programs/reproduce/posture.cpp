@@ -3,6 +3,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <regista/control/calibration.hpp>
 #include <regista/control/kinematics.hpp>
@@ -13,10 +14,9 @@
 
 #include "experiments.hpp"
 
-namespace reproduce {
+namespace regista::reproduce {
 namespace {
 
-using namespace regista;
 using namespace std::chrono_literals;
 
 constexpr double pi = std::numbers::pi;
@@ -69,6 +69,8 @@ control::WheelCalibration calibrate(std::uint64_t seed) {
   return *result;
 }
 
+constexpr double unlimited = std::numeric_limits<double>::infinity();
+
 struct Set {
   std::string name;
   std::string controller;
@@ -77,8 +79,8 @@ struct Set {
   double turn_accel_radps2;
 };
 
-const Set quick{"2/4/1.3", "published", control::PostureRegulatorConfig::quick(), 1e9, 1e9};
-const Set sharp{"1/6/7", "published", control::PostureRegulatorConfig::sharp(), 1e9, 1e9};
+const Set quick{"2/4/1.3", "published", control::PostureRegulatorConfig::quick(), unlimited, unlimited};
+const Set sharp{"1/6/7", "published", control::PostureRegulatorConfig::sharp(), unlimited, unlimited};
 const Set best{"ours", "ours", {.k1 = 4, .k2 = 8, .k3 = 2}, 3, 20};
 
 struct Outcome {
@@ -183,4 +185,4 @@ std::vector<Experiment> posture_experiments(const Settings& settings) {
   return {std::move(result)};
 }
 
-}  // namespace reproduce
+}  // namespace regista::reproduce

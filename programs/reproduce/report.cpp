@@ -9,7 +9,7 @@
 #include <random>
 #include <sstream>
 
-namespace reproduce {
+namespace regista::reproduce {
 namespace {
 
 std::string number(double value, int digits = 3) {
@@ -224,4 +224,4 @@ std::string to_text(std::span<const Experiment> experiments) {
   return text.str();
 }
 
-}  // namespace reproduce
+}  // namespace regista::reproduce

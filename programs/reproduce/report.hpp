@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace reproduce {
+namespace regista::reproduce {
 
 /// One number of a publication beside ours: a line of the table, an object of the JSON.
 struct Row {
@@ -73,4 +73,4 @@ std::string to_markdown(std::span<const Experiment> experiments, const std::stri
 /// The table alone, for a terminal.
 std::string to_text(std::span<const Experiment> experiments);
 
-}  // namespace reproduce
+}  // namespace regista::reproduce

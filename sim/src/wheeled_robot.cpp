@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <numbers>
 #include <regista/sim/wheeled_robot.hpp>
-#include <stdexcept>
 #include <string>
 
 #include "require.hpp"
@@ -104,11 +104,9 @@ WheeledRobot::WheeledRobot(const WheeledRobotParameters& parameters)
 }
 
 void WheeledRobot::command(std::span<const double> wheel_radps) {
-  if (wheel_radps.size() != wheels_.size()) {
-    throw std::invalid_argument{"command of " + std::to_string(wheel_radps.size()) + " wheels: give " +
-                                std::to_string(wheels_.size())};
-  }
-  for (std::size_t i = 0; i < wheel_radps.size(); ++i) input_[i] = std::isfinite(wheel_radps[i]) ? wheel_radps[i] : 0;
+  assert(wheel_radps.size() == wheels_.size());
+  for (std::size_t i = 0; i < std::min(wheel_radps.size(), wheels_.size()); ++i)
+    input_[i] = std::isfinite(wheel_radps[i]) ? wheel_radps[i] : 0;
 }
 
 void WheeledRobot::place(const Pose2d& pose, const BodyVelocity& velocity) {

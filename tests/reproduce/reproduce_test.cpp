@@ -6,7 +6,7 @@
 
 #include "experiments.hpp"
 
-namespace reproduce {
+namespace regista::reproduce {
 namespace {
 
 TEST(Bootstrap, agrees_with_the_interval_of_the_normal_distribution) {
@@ -95,4 +95,4 @@ TEST_F(Experiments, ours_meets_its_aims) {
 }
 
 }  // namespace
-}  // namespace reproduce
+}  // namespace regista::reproduce

@@ -28,7 +28,7 @@ struct VisionParameters {
   double loss = 0.02;         ///< probability that a camera misses the robot in a frame
   double delay_s = 0.03;      ///< from capture to arrival
   double delay_jitter_s = 0;  ///< uniformly added, up to this; frames stay in order
-  double flip = 0;            ///< probability that a frame takes the robot's heading for that ±90° or 180° off
+  double flip = 0;            ///< probability that a frame shows the heading ±90° or 180° off
   double teleport = 0;        ///< probability that a frame sees the robot's pattern elsewhere
   double teleport_m = 1;      ///< how far off, in a random direction
   std::uint64_t seed = 1;

@@ -76,14 +76,14 @@ class WheeledRobot {
   /// Throws std::invalid_argument that names field, value and remedy.
   explicit WheeledRobot(const WheeledRobotParameters& parameters);
 
-  /// Set-points of the wheels, rad/s at the wheel, which go down the chain of boards. As many as wheels; not finite: 0.
+  /// Set-points of the wheels, rad/s at the wheel, which go down the chain of boards. As many as wheels. Not finite: 0.
   void command(std::span<const double> wheel_radps);
   const State& step(Duration dt);
 
   [[nodiscard]] const State& state() const { return state_; }
   [[nodiscard]] const Battery& battery() const { return battery_; }
   [[nodiscard]] std::size_t wheel_count() const { return wheels_.size(); }
-  /// Put the robot somewhere, its wheels rolling along without slip.
+  /// Put the robot somewhere, its wheels rolling along without slip. The boards keep what they know.
   void place(const Pose2d& pose, const BodyVelocity& velocity = {});
   /// Force and torque from outside, in the body frame, until changed [N, N, N m].
   void push(double x_n, double y_n, double torque_nm) { push_ = {x_n, y_n, torque_nm}; }
