@@ -27,7 +27,7 @@ constexpr double wheelbase_m = 0.14;
 constexpr double published_track_factor = 1.19;
 constexpr double wheel_radius_m = 0.035;
 
-/// O says little of the robot: 4x4, so it skids. Boards that hold their speed, encoders of 512 lines.
+/// 4x4, so it skids. The rest is a guess: boards that hold their speed, encoders of 512 lines.
 sim::WheeledRobot robot(std::uint64_t seed) {
   sim::Random floor{seed};
   auto parameters = sim::skid_steer_robot(track_m, wheelbase_m, 6);

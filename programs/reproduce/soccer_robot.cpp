@@ -26,7 +26,7 @@ const control::Kinematics& kinematics() {
   return of_the_robot;
 }
 
-/// The robot that he blames: wheels off their centre and gears of unequal friction. He gives no figures; these are
+/// The robot that he blames: wheels off their centre and gears of unequal friction. The figures are
 /// guesses, within what a workshop leaves, that make the wheels alone err as much as his did.
 sim::WheeledRobotParameters used_robot(std::uint64_t seed) {
   sim::WheeledRobotParameters robot = sim::ssl_robot();

@@ -31,7 +31,7 @@ const control::Kinematics& kinematics() {
   return of_the_robot;
 }
 
-/// A field robot of 50 kg with two driven wheels; L's is of that size, its motors are not published.
+/// A field robot of 50 kg with two driven wheels: a guess.
 sim::WheeledRobot robot(std::uint64_t seed) {
   auto parameters = sim::differential_robot(track_m, 50);
   for (sim::Wheel& wheel : parameters.wheels) {
@@ -99,7 +99,7 @@ struct Brain {
   double compass_sd_rad = 0;
 };
 
-/// The compass turned through a circle twice beside a reference, as L did (6.4) to see how wrong it was.
+/// The compass beside a reference, through two full circles.
 control::CompassCalibration calibrate_compass(std::uint64_t seed) {
   sim::Magnetometer compass{{.seed = seed}};
   std::vector<control::CompassSample> run;
@@ -222,8 +222,8 @@ std::vector<Experiment> waypoint_experiments(const Settings& settings) {
           "Ours: gyro, a calibrated compass, and parking within 0.07 m in five estimates that agree with "
           "the wheels. The GPS moves the truth by metres whatever the controller does, so beside the truth "
           "stands how far the robot is from where the goal is *in the GPS's own frame*: that is what "
-          "navigation can answer for. L gives the results of single drives and not the lists; ours are of "
-          "the same size.",
+          "navigation can answer for. The lists of "
+          "waypoints are ours.",
       .rows = {},
       .plots = {}};
   for (std::size_t s = 0; s < scenarios.size(); ++s) {
@@ -278,7 +278,7 @@ std::vector<Experiment> waypoint_experiments(const Settings& settings) {
       row("truth to goal", "m", "lower", std::nullopt, truth_m, "");
       row("error of the GPS there", "m", "lower", std::nullopt, gps_m, "the same receiver for both");
       row("truth to goal beyond the GPS's own error", "m", "lower", std::nullopt, beyond_m,
-          "its noise alone allows " + std::to_string(std::lround(1000 * least_distance_m({}))) + " mm");
+          "noise of the fixes alone allows " + std::to_string(std::lround(1000 * least_distance_m({}))) + " mm");
     }
     result.plots.push_back(std::move(plot));
   }
