@@ -1,23 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <new>
 #include <regista/device/host.hpp>
 
-namespace {
-thread_local std::size_t allocations = 0;
-}
-
-// Counted, so that a test can say that there are none. GCC takes malloc in new for a mismatch.
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc{};
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#include "counting_new.hpp"
 
 namespace regista {
 namespace {
@@ -592,9 +578,9 @@ TEST(DriverHost, does_not_allocate_in_steady_state) {
     bench.now = bench.due;
     bench.drive(1);
     bench.command(arm, speeds);
-    const std::size_t before = allocations;
+    const std::size_t before = allocations().count;
     bench.due = bench.host->cycle(bench.now);
-    const std::size_t made = allocations - before;
+    const std::size_t made = allocations().count - before;
     std::size_t states = 0;
     bench.link->up.drain([&](Outbound& out) { states += out.index() == 0; });
     EXPECT_EQ(states, 2);
@@ -605,7 +591,7 @@ TEST(DriverHost, does_not_allocate_in_steady_state) {
   std::size_t made = 0;
   for (int i = 0; i < 300; ++i) made += beat();
   EXPECT_EQ(made, 0);
-  EXPECT_GT(allocations, 0) << "they are counted";
+  EXPECT_GT(allocations().count, 0) << "they are counted";
   EXPECT_EQ(bench.driver->joints, 6);
 }
 
