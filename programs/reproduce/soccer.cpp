@@ -301,7 +301,7 @@ Experiment rest(const Settings& settings) {
   Experiment result{.title = "H: velocity at rest",
                     .text =
                         "The robot stands for five seconds: the mean speed that its filter believes in. The "
-                        "simulated sensors (vision of 4 mm, IMU of its data sheets) are quieter than his were.",
+                        "simulated sensors (vision of 4 mm, IMU of its data sheets) are evidently quieter than his.",
                     .rows = {},
                     .plots = {}};
   for (const Variant& variant : {published_fusion(), our_fusion()}) {
