@@ -27,7 +27,9 @@ TEST(SimulatedBattery, drains_at_rest) {
 TEST(SimulatedBattery, drains_faster_with_the_speed_of_its_base) {
   Bench bench = Bench::of<SimulatedBattery>(plain + "requires [\"position2d:0\"] idle_power 10 drive_power 40");
   Link base;
+  const Wakeup nobody;
   bench.host().required().at(0).link = &base;
+  bench.host().required().at(0).provider = &nobody;
   ASSERT_TRUE(base.up.put(Mailbox<Outbound, 256>::no_lane, [](Outbound& out) {
     out = Sample{.measured = {}, .data = position2d::State{.velocity = {.x = 0.3, .y = -0.4}}};
   }));
