@@ -118,11 +118,12 @@ class Mailbox {
     return true;
   }
 
-  /// Consumer: `take(T&)` each item, oldest first, at most as many as the queue holds. How many there were.
+  /// Consumer: `take(T&)` each item, oldest first, at most `most`. How many there were; `most`: perhaps more wait.
   template <typename Take>
-  std::size_t drain(Take&& take) {
+  std::size_t drain(Take&& take, std::size_t most = capacity) {
     std::size_t count = 0;
-    for (Item* item = ring_.front(); item != nullptr && count < capacity; item = ring_.front(), ++count) {
+    for (Item* item = ring_.front(); item != nullptr; item = ring_.front(), ++count) {
+      if (count == most) return count;  // what the lanes have is newer
       if (item->lane != no_lane) lanes_[item->lane]->taken = item->number;
       take(item->value);
       ring_.pop();
