@@ -86,7 +86,8 @@ class Server::Impl final : public SessionOwner {
   [[nodiscard]] xdr::Header reply_header(const Session& session, const xdr::Header& request, Kind kind) const;
 
   // From drivers.
-  void drain(Hosted& hosted);
+  /// Take some of what the driver has put up. True: there may be more.
+  bool drain(Hosted& hosted);
   void on_sample(Hosted& hosted, const Sample& sample);
   void on_reply(Hosted& hosted, Reply& reply);
   void on_notice(Hosted& hosted, Notice& notice);

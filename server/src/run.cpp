@@ -161,7 +161,10 @@ void Server::Impl::finish_shutdown_if_done() {
   if (!shutting_down_since_ || all_stopped_) return;
   if (!std::ranges::all_of(drivers_, [](const Hosted& hosted) { return hosted.thread->stopped(); })) return;
   all_stopped_ = true;
-  for (Hosted& hosted : drivers_) drain(hosted);
+  for (Hosted& hosted : drivers_) {
+    while (drain(hosted)) {
+    }
+  }
   std::vector<std::shared_ptr<Session>> all;
   for (const auto& [id, session] : sessions_) all.push_back(session);
   for (const auto& session : all) session->close("");

@@ -122,26 +122,19 @@ class Mailbox {
     return true;
   }
 
-  /// Consumer: `take(T&)` each item in the order of put(), at most as many as the queue holds. How many there were.
+  /// Consumer: `take(T&)` each item in the order of put(). How many there were.
   template <typename Take>
   std::size_t drain(Take&& take) {
-    // All up to this number is to be seen. What is newer waits for the next time: something between may be unseen.
-    const std::uint64_t until = number_.load(std::memory_order_acquire);
-    newest_.clear();
-    for (const auto& lane : lanes_) {
-      if (lane->held == nullptr) lane->held = lane->newest.take();
-      if (lane->held != nullptr && lane->held->number <= until) newest_.push_back(std::exchange(lane->held, nullptr));
-    }
-    std::ranges::sort(newest_, {}, &Item::number);
-    std::size_t count = newest_.size();
-    auto newest = newest_.begin();
-    for (Item* item = ring_.front(); item != nullptr && item->number <= until; item = ring_.front(), ++count) {
-      for (; newest != newest_.end() && (*newest)->number < item->number; ++newest) take((*newest)->value);
-      take(item->value);
-      ring_.pop();
-    }
-    for (; newest != newest_.end(); ++newest) take((*newest)->value);
-    return count;
+    return take_until(number_.load(std::memory_order_acquire), take);
+  }
+  /// The same, but of a full queue only about the oldest `most`. True: there are more.
+  template <typename Take>
+  bool drain_some(std::size_t most, Take&& take) {
+    const std::uint64_t newest = number_.load(std::memory_order_acquire);
+    const Item* oldest = ring_.front();
+    const std::uint64_t until = oldest == nullptr ? newest : std::min(newest, oldest->number + most - 1);
+    take_until(until, take);
+    return until < newest;
   }
 
   // Any thread.
@@ -158,6 +151,26 @@ class Mailbox {
     Latest<Item> newest;
     Item* held = nullptr;  ///< the consumer's: taken, but newer than what it may see yet
   };
+
+  /// All up to this number. What is newer waits for the next time: something between may not be visible yet.
+  template <typename Take>
+  std::size_t take_until(std::uint64_t until, Take& take) {
+    newest_.clear();
+    for (const auto& lane : lanes_) {
+      if (lane->held == nullptr) lane->held = lane->newest.take();
+      if (lane->held != nullptr && lane->held->number <= until) newest_.push_back(std::exchange(lane->held, nullptr));
+    }
+    std::ranges::sort(newest_, {}, &Item::number);
+    std::size_t count = newest_.size();
+    auto newest = newest_.begin();
+    for (Item* item = ring_.front(); item != nullptr && item->number <= until; item = ring_.front(), ++count) {
+      for (; newest != newest_.end() && (*newest)->number < item->number; ++newest) take((*newest)->value);
+      take(item->value);
+      ring_.pop();
+    }
+    for (; newest != newest_.end(); ++newest) take((*newest)->value);
+    return count;
+  }
 
   Ring<Item, capacity> ring_;
   std::vector<std::unique_ptr<Lane>> lanes_;

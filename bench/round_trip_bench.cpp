@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// How long a message and its answer take through the server, beside a bare echo over TCP in the same run.
+#include <algorithm>
+#include <cstdio>
+#include <functional>
+#include <thread>
+
+#include "socket_bench.hpp"
+
+namespace regista::bench {
+namespace {
+
+constexpr std::size_t message_size = 92;  // of position2d's state
+
+/// Echoes what one peer sends, until that leaves.
+class Echo {
+ public:
+  explicit Echo(Descriptor listener)
+      : thread_{[listener = std::move(listener)] {
+          const Descriptor peer = accept_from(listener);
+          std::array<std::byte, message_size> message;
+          try {
+            for (;;) {
+              receive_all(peer, message);
+              send_all(peer, message);
+            }
+          } catch (const std::exception&) {  // it has left
+          }
+        }} {}
+
+ private:
+  std::jthread thread_;
+};
+
+/// A command with a velocity of its own, until the state with that velocity comes.
+class Driving {
+ public:
+  Driving(Client& client, std::uint16_t index) : client_{&client}, index_{index} {}
+  void command() {
+    velocity_ = velocity_ > 1 ? 1e-3 : velocity_ + 1e-3;
+    client_->send(position2d_address(index_), position2d::VelocityCommand{.velocity = {.x = velocity_}});
+  }
+  bool answered() {
+    position2d::State state;
+    if (!xdr::decode(client_->receive(Kind::data, position2d::State::message.subtype).body, state)) {
+      throw std::runtime_error{"bad state"};
+    }
+    return state.velocity.x == velocity_;
+  }
+
+ private:
+  Client* client_;
+  std::uint16_t index_;
+  double velocity_ = 0;
+};
+
+struct Case {
+  std::string name;
+  std::function<void()> once;
+  std::vector<double> times_us{};
+};
+
+void run(const Options& options) {
+  std::uint16_t echo_port = 0;
+  Descriptor listener = listen_anywhere(echo_port);
+  // A device for each that drives: it belongs to one client at a time.
+  const ServerProcess server = start_server(R"(
+driver (name "fake_base" provides ["position2d:0"] rate 0 samples 0 echo 1)
+driver (name "fake_base" provides ["position2d:1"] rate 0 samples 0 echo 1))");
+  const Echo echo{std::move(listener)};
+  const Descriptor raw = connect_to(echo_port);
+  std::array<std::byte, message_size> message{};
+
+  Client push{server.port};
+  push.subscribe(position2d_address(0));
+  Driving pushed{push, 0};
+  // As libplayerc: no TCP_NODELAY, and data only when asked for.
+  Client pull{server.port, false};
+  pull.request(server_address, player::SetDataMode{player::DataMode::pull});
+  pull.subscribe(position2d_address(1));
+  Driving pulled{pull, 1};
+
+  std::vector<Case> cases{{"raw TCP", [&] {
+                             send_all(raw, message);
+                             receive_all(raw, message);
+                           }}};
+  cases.push_back({"command, driver, data", [&] {
+                     pushed.command();
+                     while (!pushed.answered()) {
+                     }
+                   }});
+  cases.push_back({"request, reply", [&] { push.request(position2d_address(0), position2d::GetGeometry{}); }});
+  cases.push_back({"command, driver, data in PULL mode", [&] {
+                     pulled.command();
+                     for (bool answered = false; !answered;) {
+                       pull.send(server_address, player::GetData{});
+                       answered = pulled.answered();
+                       pull.receive(Kind::synch, player::SynchOk::message.subtype);
+                     }
+                   }});
+
+  // In turn, so that a change of the machine's speed meets all alike.
+  const int rounds = options.quick ? 3 : 100;
+  const int first_of_a_round = 20;  // not counted: caches, and data that the others' commands left behind
+  const int in_a_round = options.quick ? 50 : 200;
+  for (int round = 0; round < rounds; ++round) {
+    for (Case& each : cases) {
+      for (int i = -first_of_a_round; i < in_a_round; ++i) {
+        const Time begin = Clock::now();
+        each.once();
+        if (i >= 0) each.times_us.push_back(1e6 * seconds(Clock::now() - begin));
+      }
+    }
+  }
+
+  Report report{options};
+  for (Case& each : cases) std::ranges::sort(each.times_us);
+  const double raw_p50 = quantile(cases.front().times_us, 0.5);
+  for (const Case& each : cases) {
+    report.add("Round trips [us]", {{"what", each.name},
+                                    {"p50", quantile(each.times_us, 0.5)},
+                                    {"p90", quantile(each.times_us, 0.9)},
+                                    {"p99", quantile(each.times_us, 0.99)},
+                                    {"max", quantile(each.times_us, 1)},
+                                    {"p50 / raw", quantile(each.times_us, 0.5) / raw_p50}});
+  }
+}
+
+}  // namespace
+}  // namespace regista::bench
+
+int main(int argc, char** argv) {
+  try {
+    regista::bench::run(regista::bench::Options{argc, argv});
+  } catch (const std::exception& exception) {
+    std::fprintf(stderr, "%s: %s\n", argv[0], exception.what());
+    return EXIT_FAILURE;
+  }
+}
