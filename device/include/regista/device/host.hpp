@@ -81,6 +81,7 @@ class DriverHost {
   [[nodiscard]] const Wakeup& wakeup() const { return wakeup_; }
   [[nodiscard]] const HostMetrics& metrics() const { return metrics_; }
   [[nodiscard]] double rate_hz() const { return options_.rate_hz; }
+  [[nodiscard]] std::int32_t priority() const { return options_.priority; }
   /// Since when a call of the driver, other than open(), has not returned; nothing when it is not in one.
   [[nodiscard]] std::optional<Time> busy_since() const;
   /// The driver hangs: stop its hardware by the way around it, and treat it as failed when it returns.
