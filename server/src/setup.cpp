@@ -214,10 +214,10 @@ void Server::Impl::join_remote(std::size_t consumer, const std::string& host, st
 }
 
 void Server::Impl::listen(const Section& section, const ServerOptions& options) {
-  const bool by_default = options.listen.empty() && !section.has("listen");
-  const std::vector<std::string> addresses = !options.listen.empty() ? options.listen
-                                             : by_default            ? std::vector<std::string>{"127.0.0.1"}
-                                                                     : section.texts("listen");
+  const std::vector<std::string> configured = section.texts("listen", {});
+  const std::vector<std::string>& wanted_addresses = options.listen.empty() ? configured : options.listen;
+  const bool by_default = wanted_addresses.empty();
+  const std::vector<std::string> addresses = by_default ? std::vector<std::string>{"127.0.0.1"} : wanted_addresses;
   // The default port may be "any": it is known once the first listener has it.
   std::map<std::uint16_t, std::uint16_t> actual;
   std::set<std::uint16_t> ports{0};
