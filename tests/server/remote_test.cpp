@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A client drives a repeater in one server, and the repeater a base in another one, over TCP.
-#include <fake_base.hpp>
 #include <gtest/gtest.h>
+#include <fake_base.hpp>
 #include <regista/client/connection.hpp>
 #include <regista/server/server.hpp>
 
@@ -128,8 +128,8 @@ TEST(Remote, drives_under_the_name_and_priority_of_the_driver_that_requires_it) 
   client::Connection observer{"127.0.0.1", there.port()};
   ASSERT_TRUE(observer.connect());
   ASSERT_TRUE(client.drive(0.25));
-  const auto motion = observer.request(client::server_address,
-                                       player::GetMotion{.address = {.interface = base.interface}});
+  const auto motion =
+      observer.request(client::server_address, player::GetMotion{.address = {.interface = base.interface}});
   ASSERT_TRUE(motion) << motion.error().message();
   EXPECT_EQ(motion->owner.view(), "repeater");
   EXPECT_EQ(motion->priority, 15);
