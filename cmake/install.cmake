@@ -10,3 +10,4 @@ install(EXPORT regista NAMESPACE regista:: FILE regista-targets.cmake DESTINATIO
 install(FILES ${PROJECT_BINARY_DIR}/regista-config.cmake ${PROJECT_BINARY_DIR}/regista-config-version.cmake
               cmake/driver.cmake cmake/plugin.map DESTINATION ${package})
 install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES dist/regista-server.service DESTINATION ${CMAKE_INSTALL_LIBDIR}/systemd/system)

@@ -95,7 +95,8 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
 DriverHost::~DriverHost() = default;
 
 std::string DriverHost::title(const PortCore& port) const {
-  return std::string{interface_name(port.interface)} + ':' + std::to_string(port.index);
+  return (port.host.empty() ? "" : port.host + ':') + std::string{interface_name(port.interface)} + ':' +
+         std::to_string(port.index);
 }
 
 Link& DriverHost::add_link(const Wakeup* woken) {
@@ -621,7 +622,7 @@ void DriverHost::put(Channel& channel, Outbound&& item) {
 void DriverHost::broadcast(std::size_t port, std::uint8_t severity, const std::string& text) {
   if (channels_.empty()) return;
   player::Event event{.severity = severity, .text = text};
-  if (port < setup_->ports.size()) {
+  if (port < setup_->ports.size() && setup_->ports[port].host.empty()) {
     event.address.interface = setup_->ports[port].interface;
     event.address.index = setup_->ports[port].index;
   }
@@ -632,6 +633,7 @@ void DriverHost::broadcast(std::size_t port, std::uint8_t severity, const std::s
 void DriverHost::publish_changed_motion() {
   if (channels_.empty() || !channels_.front().backlog.empty()) return;  // only the newest is of interest
   for (PortCore& port : setup_->ports) {
+    if (!port.host.empty()) continue;  // its own server tells
     for (MotionGroup& group : states_[port.number].groups) {
       if (!group.take_changed()) continue;
       player::Motion status = group.status();

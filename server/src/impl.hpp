@@ -46,12 +46,12 @@ class Server::Impl final : public SessionOwner {
   struct Hosted {
     std::size_t number = 0;
     std::string name;
-    const Plugin* plugin = nullptr;
     std::unique_ptr<DriverHost> host;
     Link* link = nullptr;
     std::vector<PortNotes> ports;
     std::deque<Inbound> undelivered;  ///< must not be lost, and found the queue full
     std::optional<Time> hung_since;
+    bool stops_by_itself = false;  ///< Plugin::stops_by_itself
     std::unique_ptr<HostThread> thread;
   };
   struct Target {
@@ -63,6 +63,8 @@ class Server::Impl final : public SessionOwner {
   void read_server_section(const Section& section, const ServerOptions& options);
   void make_driver(const Section& section);
   void join_required();
+  void join_remote(std::size_t consumer, const std::string& host, std::uint16_t port,
+                   std::span<RequiredCore* const> required, SessionId& next_session);
   void listen(const Section& section, const ServerOptions& options);
 
   // Messages of clients.

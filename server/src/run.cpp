@@ -28,7 +28,7 @@ bool Server::Impl::run() {
     const bool moves = std::ranges::any_of(hosted.host->ports(), [](const PortCore& port) {
       return std::ranges::any_of(port.commands, [](const auto& handler) { return static_cast<bool>(handler); });
     });
-    if (moves && !hosted.plugin->stops_by_itself) {
+    if (moves && !hosted.stops_by_itself) {
       log(LogLevel::warning,
           "driver \"" + hosted.name +
               "\" has no hardware watchdog: if this server is killed, what it drives is not stopped");

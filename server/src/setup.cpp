@@ -4,6 +4,7 @@
 #include <set>
 
 #include "impl.hpp"
+#include "remote.hpp"
 
 namespace regista {
 
@@ -89,7 +90,7 @@ void Server::Impl::make_driver(const Section& section) {
   Hosted& hosted = drivers_.emplace_back();
   hosted.number = drivers_.size() - 1;
   hosted.name = plugin.name;
-  hosted.plugin = &plugin;
+  hosted.stops_by_itself = plugin.stops_by_itself;
   const auto provides = config.device_names("provides");
   std::vector<bool> used(provides.size(), false);
   for (PortCore& port : setup->ports) {
@@ -133,10 +134,11 @@ void Server::Impl::make_driver(const Section& section) {
 void Server::Impl::join_required() {
   SessionId next = first_driver_session;
   std::vector<std::set<std::size_t>> stands_on(drivers_.size());
-  for (std::size_t i = 0; i < drivers_.size(); ++i) {
+  for (std::size_t i = 0; i < stands_on.size(); ++i) {  // more are made for devices of other servers
     DriverHost& consumer = *drivers_[i].host;
     const std::vector<PlacedName> names = consumer.config().device_names("requires");
     std::vector<bool> used(names.size(), false);
+    std::map<std::pair<std::string, std::uint16_t>, std::vector<RequiredCore*>> elsewhere;
     for (RequiredCore& required : consumer.required()) {
       const auto found = std::ranges::find_if(names, [&](const PlacedName& p) {
         const auto n = static_cast<std::size_t>(&p - names.data());
@@ -151,6 +153,12 @@ void Server::Impl::join_required() {
       }
       used[static_cast<std::size_t>(found - names.begin())] = true;
       required.index = found->name.index;
+      if (!found->name.host.empty()) {
+        constexpr std::uint16_t usual_port = 6665;
+        const std::uint16_t port = found->name.port == 0 ? usual_port : found->name.port;
+        elsewhere[{found->name.host, port}].push_back(&required);
+        continue;
+      }
       const auto device = devices_.find({found->name.port, found->name.interface, found->name.index});
       if (device == devices_.end()) {
         throw ConfigError{found->place, "no driver provides '" + to_string(found->name) + "'"};
@@ -163,9 +171,10 @@ void Server::Impl::join_required() {
       const PlacedName& name = names[static_cast<std::size_t>(unused - used.begin())];
       throw ConfigError{name.place, "driver '" + drivers_[i].name + "' has no use for '" + to_string(name.name) + "'"};
     }
+    for (const auto& [server, required] : elsewhere) join_remote(i, server.first, server.second, required, next);
   }
   // Whoever can reach himself over what he stands on would wait for himself.
-  for (std::size_t start = 0; start < drivers_.size(); ++start) {
+  for (std::size_t start = 0; start < stands_on.size(); ++start) {
     std::set<std::size_t> reached = stands_on[start];
     for (std::size_t size = 0; size != reached.size();) {
       size = reached.size();
@@ -179,11 +188,36 @@ void Server::Impl::join_required() {
   }
 }
 
+void Server::Impl::join_remote(std::size_t consumer, const std::string& host, std::uint16_t port,
+                               std::span<RequiredCore* const> required, SessionId& next_session) {
+  DriverHost& user = *drivers_[consumer].host;
+  std::vector<client::Address> devices;
+  const auto number_of = [&](const RequiredCore& r) {
+    const auto known = std::ranges::find(devices, client::Address{r.interface, r.index});
+    return static_cast<std::size_t>(known - devices.begin());
+  };
+  for (const RequiredCore* r : required) {
+    if (number_of(*r) == devices.size()) devices.push_back({r->interface, r->index});
+  }
+  constexpr double keep_alive_rate_hz = 20;
+  auto setup = std::make_unique<Setup>(Section{"driver", user.config().place()});
+  auto remote = std::make_unique<Remote>(*setup, host, port, devices, user.name(), user.priority());
+  Hosted& hosted = drivers_.emplace_back();
+  hosted.number = drivers_.size() - 1;
+  hosted.name = host + ':' + std::to_string(port);
+  hosted.stops_by_itself = true;  // the other server sees that the connection is gone
+  hosted.ports.resize(devices.size());
+  hosted.host = std::make_unique<DriverHost>(hosted.name, std::move(setup), std::move(remote),
+                                             HostOptions{.rate_hz = keep_alive_rate_hz});
+  hosted.link = &hosted.host->add_link(&wakeup_);
+  for (RequiredCore* r : required) join(user, *r, *hosted.host, number_of(*r), next_session++);
+}
+
 void Server::Impl::listen(const Section& section, const ServerOptions& options) {
-  const bool by_default = options.listen.empty() && !section.has("listen");
-  const std::vector<std::string> addresses = !options.listen.empty() ? options.listen
-                                             : by_default            ? std::vector<std::string>{"127.0.0.1"}
-                                                                     : section.texts("listen");
+  const std::vector<std::string> configured = section.texts("listen", {});
+  const std::vector<std::string>& wanted_addresses = options.listen.empty() ? configured : options.listen;
+  const bool by_default = wanted_addresses.empty();
+  const std::vector<std::string> addresses = by_default ? std::vector<std::string>{"127.0.0.1"} : wanted_addresses;
   // The default port may be "any": it is known once the first listener has it.
   std::map<std::uint16_t, std::uint16_t> actual;
   std::set<std::uint16_t> ports{0};

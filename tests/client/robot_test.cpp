@@ -381,6 +381,30 @@ TEST(Robot, says_why_it_did_not_get_there) {
   }
 }
 
+TEST(Robot, notices_a_stop_on_the_second_leg_of_a_path) {
+  const ScriptedServer server{[](Peer& peer) {
+    int legs = 0;
+    test::serve(peer, true, [&](Peer& p, const Message& m) {
+      if (!m.is(4, command_type, 2)) return false;
+      // It drives on from the first pose to the second, so that this is said once.
+      if (++legs == 1) {
+        p.send(message(1, 0, data_type, 101, motion(1, "me", "")));
+        p.send(message(4, 0, data_type, 1, test::state(m.body.f64_at(0)), 1));
+      } else {
+        p.send(message(1, 0, data_type, 101, motion(3, "", "motor 2 too hot")));
+      }
+      return true;
+    });
+  }};
+  Robot robot{"127.0.0.1", server.port(), brief};
+  try {
+    robot.position2d().follow({{.x = 1}, {.x = 2}}, 1s);
+    FAIL() << "it got there";
+  } catch (const RefusedError& error) {
+    EXPECT_EQ(error.reason(), "motor 2 too hot");
+  }
+}
+
 TEST(Robot, stops_when_it_does_not_get_there_in_time) {
   const ScriptedServer server{[](Peer& peer) { test::serve(peer, true); }};
   Robot robot{"127.0.0.1", server.port(), {.timeout = 1s}};

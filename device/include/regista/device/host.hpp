@@ -83,6 +83,7 @@ class DriverHost {
   [[nodiscard]] const Wakeup& wakeup() const { return wakeup_; }
   [[nodiscard]] const HostMetrics& metrics() const { return metrics_; }
   [[nodiscard]] double rate_hz() const { return options_.rate_hz; }
+  [[nodiscard]] std::int32_t priority() const { return options_.priority; }
   /// Since when a call of the driver has not returned; nothing when it is not in one. open() does not count: it may
   /// take its time.
   [[nodiscard]] std::optional<Time> busy_since() const;

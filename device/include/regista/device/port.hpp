@@ -15,6 +15,7 @@ struct PortCore {
   std::uint16_t index = 0;
   std::uint16_t tcp_port = 0;  ///< 0: the server's
   std::string key;
+  std::string host;        ///< "robot7:6665": it stands for a device of that server; empty: it is here
   bool offered = false;    ///< named in `provides`
   std::size_t number = 0;  ///< among the driver's ports
 
