@@ -13,7 +13,8 @@ template <Described T>
 std::string first_not_finite(const T& value) {
   std::string found;
   const auto look = [&](std::string_view name, double number) {
-    if (!std::isfinite(number)) found.append(name).append(" = ").append(std::to_string(number));
+    if (std::isfinite(number)) return;
+    found.append(name).append(" = ").append(std::isnan(number) ? "nan" : number > 0 ? "inf" : "-inf");
   };
   for_each_field(value, [&]<typename F>(const F&, const auto& member) {
     if (!found.empty()) return;

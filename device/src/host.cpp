@@ -18,6 +18,8 @@ constexpr std::string_view opening = "open";  // the call that may block
 constexpr Duration refusal_interval = 5s;
 // Without a beat of its own a driver's leases and ramps are looked after at this period.
 constexpr Duration motion_period = 10ms;
+// [items] Of a link whose user does not take them; the answers to one full queue of requests are let in anyway.
+constexpr std::size_t longest_backlog = 1024;
 constexpr Duration subscription_interval = 1s;  // between attempts
 // Half of the shortest lease: what a driver sent to another one stays valid while its own thread goes round.
 constexpr Duration keep_alive_interval = 50ms;
@@ -67,7 +69,7 @@ Duration Histogram::quantile(double share) const {
 
 DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::unique_ptr<Driver> driver,
                        HostOptions options)
-    : name_{std::move(name)}, setup_{std::move(setup)}, driver_{std::move(driver)}, options_{std::move(options)} {
+    : name_{std::move(name)}, options_{std::move(options)}, setup_{std::move(setup)}, driver_{std::move(driver)} {
   period_ = options_.rate_hz > 0 ? from_seconds(1 / options_.rate_hz) : Duration{};
   options_.motion.resize(setup_->ports.size());
   states_.resize(setup_->ports.size());
@@ -134,19 +136,30 @@ bool DriverHost::give_up() {
 }
 
 template <typename Call>
+void DriverHost::watched(Call&& call) {
+  struct Busy {
+    std::atomic<Time::rep>& since;
+    ~Busy() { since.store(0, std::memory_order_release); }
+  } const busy{busy_since_};
+  busy_since_.store(now_.time_since_epoch().count(), std::memory_order_release);
+  call();
+}
+
+void DriverHost::halt() {
+  watched([this] { driver_->halt(); });
+}
+
+template <typename Call>
 bool DriverHost::survives(std::string_view what, Call&& call) {
   std::string thrown;
-  if (what != opening) busy_since_.store(now_.time_since_epoch().count(), std::memory_order_release);
   try {
     call();
-    busy_since_.store(0, std::memory_order_release);
     return true;
   } catch (const std::exception& exception) {
     thrown = exception.what();
   } catch (...) {
     thrown = "something that is no exception";
   }
-  busy_since_.store(0, std::memory_order_release);
   fault(std::string{what} + " threw \"" + thrown + '"');
   return false;
 }
@@ -156,6 +169,11 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
   for (PortCore& port : setup_->ports) port.now = now;
   for (RequiredCore& device : setup_->required) device.now = now;
   if (given_up_.exchange(false, std::memory_order_acq_rel)) fault("hung and came back");
+
+  if (std::exchange(just_opened_, false)) {  // open() may have taken long: the beats start after it
+    last_read_ = now;
+    next_beat_ = period_ > Duration{} ? now : Time::max();
+  }
 
   for (std::size_t number = 0; number < channels_.size(); ++number) {
     Channel& channel = channels_[number];
@@ -175,7 +193,7 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
 
   if (!open_ && wanted() && now >= retry_at_) (void)try_open();
   run_motion();
-  if (open_ && (descriptor_ready || now >= next_beat_)) beat();
+  if (open_ && !just_opened_ && (descriptor_ready || now >= next_beat_)) beat();
   publish_changed_motion();
   for (RequiredCore& device : setup_->required) attend(device, open_);
 
@@ -183,7 +201,7 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
     if (std::exchange(channel.dirty, false) || channel.link.up.size() > 0) channel.link.user->notify();
   }
 
-  Time due = open_ ? next_beat_ : wanted() ? retry_at_ : Time::max();
+  Time due = just_opened_ ? now : open_ ? next_beat_ : wanted() ? retry_at_ : Time::max();
   const Time next_step = period_ > Duration{} ? next_beat_ : now + motion_period;
   for (const PortState& state : states_) {
     for (const MotionGroup& group : state.groups) due = std::min(due, group.due(next_step));
@@ -200,7 +218,7 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
 
 void DriverHost::process(Channel& channel, Inbound& inbound) {
   std::visit(Overloaded{
-                 [&](const AnyCommand&) { process_command(inbound); },
+                 [&](const AnyCommand&) { process_command(channel, inbound); },
                  [&](const AnyRequest&) { process_request(channel, inbound); },
                  [&](const Identity& who) { identities_[inbound.session] = who; },
                  [&](const Gone&) { gone(channel, inbound.session); },
@@ -208,18 +226,21 @@ void DriverHost::process(Channel& channel, Inbound& inbound) {
              inbound.message);
 }
 
-void DriverHost::process_command(Inbound& inbound) {
+void DriverHost::process_command(Channel& channel, Inbound& inbound) {
   const auto& command = *std::get_if<AnyCommand>(&inbound.message);
   PortCore& port = setup_->ports[inbound.port];
   PortState& state = states_[inbound.port];
   increment(metrics_.commands);
   if (std::holds_alternative<player::KeepAlive>(command)) {
-    for (MotionGroup& group : state.groups) group.keep_alive(inbound.session, now_);
+    for (MotionGroup& group : state.groups) group.keep_alive(inbound.session, inbound.arrived);
     return;
   }
   const auto& handler = port.commands[command.index()];
   const auto refusal = [&]() -> std::optional<Error> {
     if (!open_) return Error{std::errc::not_connected, faulted_ ? fault_text_ : "not open"};
+    if (!state.subscribers.contains({&channel.link, inbound.session})) {
+      return Error{std::errc::permission_denied, "subscribe to " + title(port) + " first"};
+    }
     if (!handler) return Error{std::errc::not_supported, "driver \"" + name_ + "\" does not take this command"};
     MotionGroup& group = state.groups[state.group_of[command.index()]];
     if (Result<> taken = group.command(inbound.session, identity(inbound.session), command, inbound.arrived, now_);
@@ -273,7 +294,7 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
   }
   if (std::holds_alternative<player::Stop>(request)) {
     for (MotionGroup& group : state.groups) {
-      group.stop("\"" + identity(inbound.session).name + "\" asked for a stop", now_);
+      group.stop(inbound.session, "\"" + identity(inbound.session).name + "\" asked for a stop", now_);
     }
     return answer(AnyReply{});
   }
@@ -327,7 +348,7 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
     return answer(Error{std::errc::invalid_argument, std::move(found)});
   }
   tell_driver(state, port);
-  survives("request", [&] { handler(request, inbound.reply_to); });
+  survives("request", [&] { watched([&] { handler(request, inbound.reply_to); }); });
 }
 
 Result<AnyReply> DriverHost::subscribe(Channel& channel, const Inbound& inbound, const player::Subscribe& request) {
@@ -400,7 +421,7 @@ Result<AnyReply> DriverHost::property(const AnyRequest& request) {
                    "driver \"" + name_ + "\" has no property '" + std::string{message.key.view()} + "'"};
     }
     Result<> done;
-    if (!survives("property", [&] { done = found->set(std::move(value)); })) {
+    if (!survives("property", [&] { watched([&] { done = found->set(std::move(value)); }); })) {
       return Error{std::errc::state_not_recoverable, fault_text_};
     }
     if (!done) return done.error();
@@ -425,13 +446,15 @@ void DriverHost::receive(RequiredCore& device) {
   if (device.link == nullptr) return;
   device.link->up.drain([&](Outbound& item) {
     survives("data", [&] {
-      if (const Sample* sample = std::get_if<Sample>(&item)) {
-        if (sample->port == device.port && device.data[sample->data.index()]) {
-          device.data[sample->data.index()](sample->data, sample->measured);
+      watched([&] {
+        if (const Sample* sample = std::get_if<Sample>(&item)) {
+          if (sample->port == device.port && device.data[sample->data.index()]) {
+            device.data[sample->data.index()](sample->data, sample->measured);
+          }
+        } else if (Reply* reply = std::get_if<Reply>(&item)) {
+          if (const auto waiting = device.waiting.extract(reply->to.sequence)) waiting.mapped()(reply->answer);
         }
-      } else if (Reply* reply = std::get_if<Reply>(&item)) {
-        if (const auto waiting = device.waiting.extract(reply->to.sequence)) waiting.mapped()(reply->answer);
-      }
+      });
     });
   });
 }
@@ -481,7 +504,7 @@ void join(DriverHost& consumer, RequiredCore& required, DriverHost& provider, st
 
 void DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
   Result<> done;
-  if (survives("command", [&] { done = port.commands[command.index()](command); }) && !done) {
+  if (survives("command", [&] { watched([&] { done = port.commands[command.index()](command); }); }) && !done) {
     refuse(port.number, done.error());
   }
 }
@@ -494,9 +517,9 @@ void DriverHost::tell_driver(PortState& state, PortCore& port) {
     if (command != nullptr && port.commands[command->index()]) {
       call_handler(port, *command);
     } else if (must_halt || command != nullptr) {
-      driver_->halt();
+      halt();
     }
-    metrics_.commands_clamped.store(group.clamped(), std::memory_order_relaxed);
+    increment(metrics_.commands_clamped, group.take_clamped());
   }
 }
 
@@ -518,9 +541,9 @@ void DriverHost::beat() {
   }
   Result<> read;
   const Tick tick{.now = now_, .dt = now_ - std::exchange(last_read_, now_)};
-  if (!survives("read", [&] { read = driver_->read(tick); })) return;
+  if (!survives("read", [&] { watched([&] { read = driver_->read(tick); }); })) return;
   if (!read) return fault(read.error().message());
-  if (survives("publish", [&] { driver_->publish(); })) back_off_ = {};
+  if (survives("publish", [&] { watched([&] { driver_->publish(); }); })) back_off_ = {};
 }
 
 Result<> DriverHost::try_open() {
@@ -535,11 +558,10 @@ Result<> DriverHost::try_open() {
     return Error{opened.error().code, fault_text_};
   }
   open_ = true;
+  just_opened_ = true;
+  if (period_ == Duration{}) back_off_ = {};  // with a beat, the first good one does this
   metrics_.open.store(true, std::memory_order_relaxed);
   faulted_ = false;
-  retry_at_ = Time::max();
-  last_read_ = now_;
-  next_beat_ = period_ > Duration{} ? now_ : Time::max();
   for (PortState& state : states_) {
     for (MotionGroup& group : state.groups) group.recovered();
   }
@@ -548,8 +570,8 @@ Result<> DriverHost::try_open() {
 
 void DriverHost::close_if_unused() {
   if (!open_ || wanted()) return;
-  driver_->halt();
-  driver_->close();
+  halt();
+  watched([this] { driver_->close(); });
   open_ = false;
   metrics_.open.store(false, std::memory_order_relaxed);
   next_beat_ = Time::max();
@@ -559,8 +581,8 @@ void DriverHost::close_if_unused() {
 }
 
 void DriverHost::fault(const std::string& what) {
-  driver_->halt();
-  if (open_) driver_->close();
+  halt();
+  if (open_) watched([this] { driver_->close(); });
   open_ = false;
   faulted_ = true;
   fault_text_ = "driver \"" + name_ + "\" failed: " + what;
@@ -578,12 +600,13 @@ void DriverHost::fault(const std::string& what) {
 void DriverHost::shut_down(Time now) {
   now_ = now;
   for (PortCore& port : setup_->ports) {
-    for (MotionGroup& group : states_[port.number].groups) group.stop("server shutting down", now);
+    for (MotionGroup& group : states_[port.number].groups) group.stop(0, "server shutting down", now);
   }
   run_motion();
-  driver_->halt();
-  if (open_) driver_->close();
+  halt();
+  if (open_) watched([this] { driver_->close(); });
   open_ = false;
+  publish_changed_motion();
   for (RequiredCore& device : setup_->required) attend(device, false);
 }
 
@@ -604,11 +627,12 @@ void DriverHost::broadcast(std::size_t port, std::uint8_t severity, const std::s
     event.address.interface = setup_->ports[port].interface;
     event.address.index = setup_->ports[port].index;
   }
+  if (channels_.front().backlog.size() >= longest_backlog) return increment(metrics_.events_dropped);
   put(channels_.front(), Notice{.port = port, .message = std::move(event)});
 }
 
 void DriverHost::publish_changed_motion() {
-  if (channels_.empty()) return;
+  if (channels_.empty() || !channels_.front().backlog.empty()) return;  // only the newest is of interest
   for (PortCore& port : setup_->ports) {
     for (MotionGroup& group : states_[port.number].groups) {
       if (!group.take_changed()) continue;

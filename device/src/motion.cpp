@@ -12,6 +12,8 @@ namespace {
 
 using player::MotionState;
 
+constexpr SessionId everybody = std::numeric_limits<SessionId>::max();
+
 template <typename... Fs>
 struct Overloaded : Fs... {
   using Fs::operator()...;
@@ -80,11 +82,31 @@ bool approach(BodyVelocity& from, const BodyVelocity& to, double step, double tu
   return false;
 }
 
+/// Of the commands that move a base at a velocity; null for all others.
+std::optional<BodyVelocity> base_velocity(const AnyCommand& command) {
+  if (const auto* c = std::get_if<position2d::VelocityCommand>(&command)) return c->velocity;
+  if (const auto* c = std::get_if<position2d::CarCommand>(&command)) return BodyVelocity{.x = c->speed_mps};
+  if (const auto* c = std::get_if<position2d::VelocityHeadingCommand>(&command)) return BodyVelocity{.x = c->speed_mps};
+  return std::nullopt;
+}
+
+/// The same command, but at this velocity.
+AnyCommand at_velocity(AnyCommand command, const BodyVelocity& velocity) {
+  if (auto* c = std::get_if<position2d::VelocityCommand>(&command)) c->velocity = velocity;
+  if (auto* c = std::get_if<position2d::CarCommand>(&command)) c->speed_mps = velocity.x;
+  if (auto* c = std::get_if<position2d::VelocityHeadingCommand>(&command)) c->speed_mps = velocity.x;
+  return command;
+}
+
 /// The same for the velocities of a whole command; what is not a velocity jumps. True: there.
 bool approach(AnyCommand& output, const AnyCommand& target, double step, double turn_step) {
   if (output.index() != target.index()) {
-    output = target;
-    return true;
+    const std::optional<BodyVelocity> velocity = base_velocity(output);
+    if (!velocity || !base_velocity(target)) {
+      output = target;
+      return true;
+    }
+    output = at_velocity(target, *velocity);
   }
   return std::visit(Overloaded{
                         [&](position2d::VelocityCommand& out) {
@@ -202,21 +224,21 @@ Result<> MotionGroup::command(SessionId session, const Identity& who, const AnyC
     return Error{std::errc::timed_out, "command waited " + milliseconds(now - arrived) + " for the driver (lease " +
                                            milliseconds(policy_.lease) + ")"};
   }
-  if (session == displaced_) {
-    const bool paused = now - std::exchange(displaced_heard_, now) > policy_.lease;
+  if (displaced_ != 0 && (session == displaced_ || (displaced_ == everybody && session != stopped_by_))) {
+    const bool paused = arrived - std::exchange(displaced_heard_, arrived) > policy_.lease;
     if (!paused) {
       return Error{std::errc::operation_not_permitted,
                    "stopped or taken over: pause for " + milliseconds(policy_.lease) + " or take"};
     }
     displaced_ = 0;
   }
-  const bool idle = !destination() && now - heard_ > policy_.lease;
+  const bool idle = lapses() && now - heard_ > policy_.lease;
   if (owner_ && owner_->session != session && !idle) return owned_by_other();
   if (!owner_ || owner_->session != session) {
     owner_ = Owner{session, who};
     changed_ = true;
   }
-  heard_ = now;
+  heard_ = arrived;
   if (is_edge(command)) return {};
   target_ = command;
   clamp(target_);
@@ -233,6 +255,7 @@ Result<> MotionGroup::command(SessionId session, const Identity& who, const AnyC
     reason_.clear();
     changed_ = true;
   }
+  if (!pending_) stepped_ = now;  // the way to the target starts here, not at the last step
   pending_ = true;
   return {};
 }
@@ -265,12 +288,13 @@ Result<> MotionGroup::take(SessionId session, const Identity& who, bool blend, T
     displaced_ = owner_->session;
     displaced_heard_ = now;
     if (state_ == MotionState::driving && !blend) begin_stop("taken over by \"" + who.name + '"', true, now);
-  } else if (session == displaced_) {
+    queued_ = false;
+  } else if (session == displaced_ || displaced_ == everybody) {
     displaced_ = 0;
   }
   taken_over_ = state_ == MotionState::stopping;
   owner_ = Owner{session, who};
-  heard_ = now;
+  if (state_ != MotionState::driving) heard_ = now;  // to take is not to command: what moves gets no new lease
   changed_ = true;
   return {};
 }
@@ -293,28 +317,27 @@ void MotionGroup::gone(SessionId session, Time now) {
   begin_stop("owner \"" + name + "\" disconnected", false, now);
 }
 
-void MotionGroup::keep_alive(SessionId session, Time now) {
-  if (owner_ && owner_->session == session && destination()) heard_ = now;
+void MotionGroup::keep_alive(SessionId session, Time arrived) {
+  if (owner_ && owner_->session == session && destination()) heard_ = std::max(heard_, arrived);
 }
 
-void MotionGroup::stop(const std::string& reason, Time now) {
-  if (owner_) {
-    displaced_ = owner_->session;
-    displaced_heard_ = now;
-  }
+void MotionGroup::stop(SessionId by, const std::string& reason, Time now) {
+  displaced_ = everybody;
+  stopped_by_ = by;
+  displaced_heard_ = now;
   begin_stop(reason, false, now);
 }
 
 void MotionGroup::begin_stop(std::string reason, bool keep_owner, Time now) {
   if (!keep_owner) owner_.reset();
   changed_ = true;
+  queued_ = false;
   if (state_ != MotionState::driving) return;
   const bool moves = output_ != at_rest(output_);
   if (tell_) tell_(moves ? 1 : 0, device_ + " stopped: " + reason);
   reason_ = std::move(reason);
   state_ = MotionState::stopping;
   taken_over_ = false;
-  queued_ = false;
   pending_ = true;
   stepped_ = now;
 }
@@ -361,6 +384,7 @@ const AnyCommand* MotionGroup::step(Time now, const BodyVelocity& velocity) {
   switch (state_) {
     case MotionState::driving:
       if (!pending_) return nullptr;
+      if (is_destination(output_) && !destination()) output_ = way_to_rest(output_, velocity).value_or(output_);
       pending_ = !approach(output_, target_, step_within(policy_.max_acceleration, dt),
                            step_within(policy_.max_turn_acceleration, dt));
       return &output_;

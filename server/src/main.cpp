@@ -10,6 +10,7 @@
 #include <asio/signal_set.hpp>
 #include <cstdio>
 #include <iostream>
+#include <regista/client/robot.hpp>
 #include <regista/server/server.hpp>
 #include <thread>
 
@@ -45,6 +46,21 @@ std::shared_ptr<spdlog::logger> make_logger(const Arguments& arguments) {
   return logger;
 }
 
+/// What a running server says of itself.
+int print_status(const std::string& server) {
+  const auto colon = server.rfind(':');
+  const std::string host = server.substr(0, colon);
+  const int port = colon == std::string::npos ? 6665 : std::atoi(server.c_str() + colon + 1);
+  try {
+    client::Robot robot{host.empty() ? "localhost" : host, static_cast<std::uint16_t>(port)};
+    std::cout << robot.status() << '\n';
+    return EX_OK;
+  } catch (const client::Error& error) {
+    std::cerr << error.what() << '\n';
+    return EX_UNAVAILABLE;
+  }
+}
+
 /// As JSON writes a string.
 std::string json_string(const std::string& text) {
   std::string out = "\"";
@@ -70,6 +86,7 @@ int serve(const Arguments& arguments) {
                         .listen = arguments.check ? std::vector<std::string>{"127.0.0.1"} : arguments.listen,
                         .plugin_folders = arguments.plugin_folders};
   options.plugin_folders.push_back(usual_plugin_folder());
+  options.plugin_folders.emplace_back(REGISTA_PLUGIN_FOLDER);
   options.log = [logger, json = arguments.json_log](LogLevel level, const std::string& text) {
     constexpr std::array levels{spdlog::level::info, spdlog::level::warn, spdlog::level::err};
     logger->log(levels[std::min<std::size_t>(static_cast<std::size_t>(level), levels.size() - 1)], "{}",
@@ -118,7 +135,13 @@ int main(int argc, char** argv) {
       "regista-server"};
   Arguments arguments;
   app.set_version_flag("--version", "regista-server " REGISTA_VERSION);
-  app.add_option("config", arguments.config, "The configuration, docs/configuration.md")->required();
+  auto* config = app.add_option("config", arguments.config, "The configuration, docs/configuration.md");
+  auto* status =
+      app.add_option("--status", arguments.status,
+                     "Ask a running server (HOST:PORT) for its clients, queues, drops, beats and owners, as JSON")
+          ->expected(0, 1)
+          ->default_str("localhost:6665")
+          ->excludes(config);
   app.add_option("--port", arguments.port, "TCP port instead of the configuration's; 0: any free one");
   app.add_option("--listen", arguments.listen,
                  "Addresses to listen on instead of the configuration's (127.0.0.1 and ::1)");
@@ -132,6 +155,11 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? EX_OK : EX_USAGE;
+  }
+  if (status->count() > 0) return print_status(arguments.status.empty() ? "localhost:6665" : arguments.status);
+  if (arguments.config.empty()) {
+    std::cerr << "regista-server: which configuration? Try: regista-server examples/sim.cfg\n";
+    return EX_USAGE;
   }
   rlimit descriptors{};
   if (::getrlimit(RLIMIT_NOFILE, &descriptors) == 0) {

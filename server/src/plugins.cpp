@@ -3,6 +3,7 @@
 
 #include <dlfcn.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 namespace regista {
 
@@ -16,11 +17,14 @@ std::string quoted(const std::filesystem::path& path) { return '"' + path.string
 void check_safe(const std::filesystem::path& file, const Place& place) {
   struct stat status{};
   if (::stat(file.c_str(), &status) != 0) return;  // dlopen says it better
-  const bool others_may_write = (status.st_mode & (S_IWGRP | S_IWOTH)) != 0;
+  // A group of one's own, as many desktops give to everybody, is no other.
+  const bool own_group = status.st_gid == 0 || status.st_gid == ::getegid();
+  const bool others_may_write = (status.st_mode & S_IWOTH) != 0 || ((status.st_mode & S_IWGRP) != 0 && !own_group);
   const bool trusted_owner = status.st_uid == 0 || status.st_uid == ::geteuid();
   if (others_may_write || !trusted_owner) {
-    throw ConfigError{place, "plugin " + quoted(file) +
-                                 ": others may change this file; it must belong to root or to you, mode 755 or less"};
+    throw ConfigError{
+        place, "plugin " + quoted(file) +
+                   ": others may change this file; it must belong to root or to you, and only they may write it"};
   }
 }
 

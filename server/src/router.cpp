@@ -31,8 +31,8 @@ xdr::Header Server::Impl::reply_header(const Session& session, const xdr::Header
       .address = request.address, .kind = kind, .subtype = request.subtype, .timestamp_s = epoch_s(Clock::now())};
   header.address.host = player_host;
   header.address.robot = session.local_port();
-  // The stock server copies it back in its own replies; its drivers answer 0.
-  if (request.address.interface == player::code) header.sequence = request.sequence;
+  // The stock server copies it back in its own replies, and its drivers answer 0; ours tells old answers from new.
+  if (request.address.interface == player::code || session.extended) header.sequence = request.sequence;
   return header;
 }
 

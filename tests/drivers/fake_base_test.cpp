@@ -78,12 +78,11 @@ TEST(FakeBase, floods) {
 
 TEST(FakeBaseDeathTest, segfaults) {
   Bench bench = fake("fault \"segfault\" at \"command\"");
-  GTEST_FLAG_SET(death_test_style, "threadsafe");
-#ifdef __SANITIZE_ADDRESS__
-  EXPECT_DEATH(bench.send(position2d::VelocityCommand{}), "SEGV");
-#else
-  EXPECT_EXIT(bench.send(position2d::VelocityCommand{}), testing::KilledBySignal(SIGSEGV), "");
-#endif
+  const auto crash = [&] {
+    (void)std::signal(SIGSEGV, SIG_DFL);  // sanitizers have a handler of their own
+    bench.send(position2d::VelocityCommand{});
+  };
+  EXPECT_EXIT(crash(), testing::KilledBySignal(SIGSEGV), "");
 }
 
 TEST(FakeBase, knows_its_words) { EXPECT_THROW((void)fake("fault \"trow\""), ConfigError); }

@@ -46,17 +46,20 @@ TEST(Plugins, what_a_constructor_throws_crosses_over) {
   EXPECT_THROW(Bench("size [1 2]", plugin->create), ConfigError);
 }
 
-TEST(Plugins, know_every_key_of_the_simulated_robot) {
-  const ConfigFile file = read_config(EXAMPLES "/sim.cfg");
-  ASSERT_EQ(file.drivers.size(), 3U);
-  for (const Section& section : file.drivers) {
-    const Plugin* plugin = load("regista/" + section.text("name"));
+void expect_all_keys_known(const std::string& file, const std::string& folder) {
+  for (const Section& section : read_config(EXAMPLES "/" + file).drivers) {
+    const Plugin* plugin = load(folder + "/" + section.text("name"));
     ASSERT_NE(plugin, nullptr) << ::dlerror();
-    regista::Setup setup{section};  // testing::Test has a Setup of its own
+    Setup setup{section};
     const auto driver = plugin->create(setup);
-    for (const char* key : {"name", "provides", "requires", "rate", "lease"}) (void)setup.config.has(key);
+    for (const char* key : {"name", "plugin", "provides", "requires", "rate", "lease"}) (void)setup.config.has(key);
     EXPECT_NO_THROW(setup.config.check_unused());
   }
+}
+
+TEST(Plugins, know_every_key_of_the_examples) {
+  expect_all_keys_known("sim.cfg", "regista");
+  expect_all_keys_known("driver/turntable.cfg", "regista-examples");
 }
 
 class Turntable : public testing::Test {

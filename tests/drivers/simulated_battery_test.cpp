@@ -10,10 +10,11 @@ using namespace std::chrono_literals;
 using power::State;
 
 // Without resistance and with one voltage, everything below is plain arithmetic: 10 V · 1 Ah = 36 kJ.
-constexpr auto plain = "provides [\"power:0\"] full_voltage 10 empty_voltage 10 capacity 1 resistance 0 ";
+constexpr auto one_voltage = "provides [\"power:0\"] full_voltage 10 empty_voltage 10 capacity 1 ";
+const std::string plain = std::string{one_voltage} + "resistance 0 ";
 
 TEST(SimulatedBattery, drains_at_rest) {
-  Bench bench = Bench::of<SimulatedBattery>(std::string{plain} + "idle_power 36");
+  Bench bench = Bench::of<SimulatedBattery>(plain + "idle_power 36");
   bench.run(10s);
   const State state = bench.latest<State>();
   EXPECT_EQ(state.valid, 31U);
@@ -24,8 +25,7 @@ TEST(SimulatedBattery, drains_at_rest) {
 }
 
 TEST(SimulatedBattery, drains_faster_with_the_speed_of_its_base) {
-  Bench bench =
-      Bench::of<SimulatedBattery>(std::string{plain} + "requires [\"position2d:0\"] idle_power 10 drive_power 40");
+  Bench bench = Bench::of<SimulatedBattery>(plain + "requires [\"position2d:0\"] idle_power 10 drive_power 40");
   Link base;
   bench.host().required().at(0).link = &base;
   ASSERT_TRUE(base.up.put(Mailbox<Outbound, 256>::no_lane, [](Outbound& out) {
@@ -36,21 +36,21 @@ TEST(SimulatedBattery, drains_faster_with_the_speed_of_its_base) {
 }
 
 TEST(SimulatedBattery, sags_under_load) {
-  Bench bench = Bench::of<SimulatedBattery>(std::string{plain} + "resistance 0.1 idle_power 99");
+  Bench bench = Bench::of<SimulatedBattery>(std::string{one_voltage} + "resistance 0.1 idle_power 99");
   bench.run(1s);
   // Where u = 10 V - 0.1 Ω · 99 W / u.
   EXPECT_NEAR(bench.latest<State>().voltage_v, 5 + std::sqrt(25 - 9.9), 1e-3);
 }
 
 TEST(SimulatedBattery, is_empty_at_last_and_draws_nothing_then) {
-  Bench bench = Bench::of<SimulatedBattery>(std::string{plain} + "charge 0.1 idle_power 36");
+  Bench bench = Bench::of<SimulatedBattery>(plain + "charge 0.1 idle_power 36");
   bench.run(2s);
   EXPECT_EQ(bench.latest<State>().charge_percent, 0);
   EXPECT_EQ(bench.latest<State>().power_w, 0);
 }
 
 TEST(SimulatedBattery, charges_when_allowed_and_stops_when_full) {
-  Bench bench = Bench::of<SimulatedBattery>(std::string{plain} + "charge 99 idle_power 0 charging_power 36");
+  Bench bench = Bench::of<SimulatedBattery>(plain + "charge 99 idle_power 0 charging_power 36");
   ASSERT_TRUE(bench.ask(power::SetChargingPolicy{.enable_input = 1}));
   bench.run(5s);
   EXPECT_NEAR(bench.latest<State>().charge_percent, 99.5, 2e-2);

@@ -33,6 +33,7 @@ struct HostMetrics {
   std::atomic<std::uint64_t> commands_refused{0};
   std::atomic<std::uint64_t> commands_clamped{0};
   std::atomic<std::uint64_t> requests{0};
+  std::atomic<std::uint64_t> events_dropped{0};
   std::atomic<bool> open{false};
   Histogram jitter;  ///< how late beats were
 };
@@ -40,7 +41,7 @@ struct HostMetrics {
 struct HostOptions {
   double rate_hz = 50;
   bool always_on = false;
-  std::int32_t priority = 10;        ///< with which the driver commands the devices that it requires
+  std::int32_t priority = 10;          ///< with which the driver commands the devices that it requires
   std::vector<MotionPolicy> motion{};  ///< one for each port
 };
 
@@ -59,8 +60,8 @@ class DriverHost {
 
   // Before the first cycle.
 
-  /// Join a user of this driver's devices; `woken` when something is put up. The first link is the network's: it is told
-  /// events and motion.
+  /// Join a user of this driver's devices; `woken` when something is put up. The first link is the network's: it is
+  /// told events and motion.
   Link& add_link(const Wakeup* woken);
   /// The lane of a set-point in a link's down queue.
   [[nodiscard]] std::size_t lane(const Link& link, std::size_t port, const AnyCommand& command) const;
@@ -71,8 +72,9 @@ class DriverHost {
   Time cycle(Time now, bool descriptor_ready = false);
   /// Bring everything to rest, tell why, and close.
   void shut_down(Time now);
-  [[nodiscard]] std::span<const int> descriptors() const;
+  /// Wake everybody who is joined.
   void notify_users() const;
+  [[nodiscard]] std::span<const int> descriptors() const;
 
   // Any thread.
 
@@ -81,7 +83,8 @@ class DriverHost {
   [[nodiscard]] const Wakeup& wakeup() const { return wakeup_; }
   [[nodiscard]] const HostMetrics& metrics() const { return metrics_; }
   [[nodiscard]] double rate_hz() const { return options_.rate_hz; }
-  /// Since when a call of the driver, other than open(), has not returned; nothing when it is not in one.
+  /// Since when a call of the driver has not returned; nothing when it is not in one. open() does not count: it may
+  /// take its time.
   [[nodiscard]] std::optional<Time> busy_since() const;
   /// The driver hangs: stop its hardware by the way around it, and treat it as failed when it returns.
   /// False: it has no such way.
@@ -102,12 +105,12 @@ class DriverHost {
   struct Channel {
     Link link;
     std::vector<std::array<std::size_t, std::variant_size_v<AnyCommand>>> command_lanes;  ///< by port
-    std::deque<Outbound> backlog;  ///< replies and notices that found the queue full
+    std::deque<Outbound> backlog;  ///< replies and events that found the queue full
     bool dirty = false;
   };
 
   void process(Channel& channel, Inbound& inbound);
-  void process_command(Inbound& inbound);
+  void process_command(Channel& channel, Inbound& inbound);
   void process_request(Channel& channel, Inbound& inbound);
   Result<AnyReply> subscribe(Channel& channel, const Inbound& inbound, const player::Subscribe& request);
   Result<AnyReply> property(const AnyRequest& request);
@@ -133,9 +136,12 @@ class DriverHost {
   template <typename Call>
   bool survives(std::string_view what, Call&& call);
 
+  /// Call into the driver, with the watchdog looking.
+  template <typename Call>
+  void watched(Call&& call);
+  void halt();
+
   std::string name_;
-  std::unique_ptr<Setup> setup_;
-  std::unique_ptr<Driver> driver_;
   HostOptions options_;
   Duration period_{};
 
@@ -148,13 +154,18 @@ class DriverHost {
   Time now_{};
   Time next_beat_ = Time::max();
   Time last_read_{};
-  Time retry_at_ = Time::max();
+  Time retry_at_ = Time::min();
   Duration back_off_{};
   bool open_ = false;
+  bool just_opened_ = false;
   bool faulted_ = false;
   std::string fault_text_;
   std::atomic<Time::rep> busy_since_{0};
   std::atomic<bool> given_up_{false};
+
+  // Last, and so destroyed first: responders in them answer when they go.
+  std::unique_ptr<Setup> setup_;
+  std::unique_ptr<Driver> driver_;
 };
 
 /// Let `required`, a device that the driver of `consumer` stands on, be the provider's port number `port`. Once each,

@@ -40,9 +40,10 @@ class MotionGroup {
   Result<> take(SessionId session, const Identity& who, bool blend, Time now);
   void release(SessionId session, Time now);
   void gone(SessionId session, Time now);
-  void keep_alive(SessionId session, Time now);
-  /// Bring the device to rest, whoever drives it. `reason` follows "stopped: ".
-  void stop(const std::string& reason, Time now);
+  void keep_alive(SessionId session, Time arrived);
+  /// Bring the device to rest, whoever drives it. Nobody but `by` moves it again before everybody has paused for a
+  /// lease, or somebody takes it: else whoever streams commands would undo the stop. `reason` follows "stopped: ".
+  void stop(SessionId by, const std::string& reason, Time now);
   /// The driver was halted: nothing moves any more, nobody owns it.
   void halted(const std::string& reason, bool fault);
   /// The driver works again.
@@ -62,7 +63,8 @@ class MotionGroup {
   bool take_changed() { return std::exchange(changed_, false); }
   void on_tell(Tell tell) { tell_ = std::move(tell); }
   [[nodiscard]] const std::string& group() const { return group_; }
-  [[nodiscard]] std::uint64_t clamped() const { return clamped_; }
+  /// How many commands were limited since the last call.
+  std::uint64_t take_clamped() { return std::exchange(clamped_, 0); }
   [[nodiscard]] bool driving() const { return state_ == player::MotionState::driving; }
 
  private:
@@ -86,9 +88,10 @@ class MotionGroup {
   player::MotionState state_ = player::MotionState::stopped;
   std::string reason_ = "no command yet";
   std::optional<Owner> owner_;
-  SessionId displaced_ = 0;                ///< was taken over from: may not resume before it paused
+  SessionId displaced_ = 0;                ///< may not resume before it paused; `everybody` after a stop
+  SessionId stopped_by_ = 0;               ///< who may resume although everybody is displaced: who stopped it
   Time displaced_heard_{};                 ///< its last attempt
-  Time heard_{};                           ///< the owner's last command or keep-alive
+  Time heard_{};                           ///< arrival of the owner's last command or keep-alive
   Time stepped_{};                         ///< the last step of a ramp
   AnyCommand target_;                      ///< what the owner wants
   AnyCommand output_;                      ///< what the driver was told last

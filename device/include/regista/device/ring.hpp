@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 namespace regista {
@@ -95,6 +97,7 @@ class Mailbox {
   /// Before the threads run. Gives the number of a new lane.
   std::size_t add_lane() {
     lanes_.push_back(std::make_unique<Lane>());
+    newest_.reserve(lanes_.size());
     return lanes_.size() - 1;
   }
 
@@ -107,33 +110,37 @@ class Mailbox {
       return false;
     }
     Item& target = item != nullptr ? *item : lanes_[lane]->newest.back();
-    target.number = ++number_;
-    target.lane = lane;
+    const std::uint64_t number = number_.load(std::memory_order_relaxed) + 1;
+    target.number = number;
     fill(target.value);
     if (item != nullptr) {
       ring_.push();
     } else if (lanes_[lane]->newest.publish()) {
       replaced_.fetch_add(1, std::memory_order_relaxed);
     }
+    number_.store(number, std::memory_order_release);
     return true;
   }
 
-  /// Consumer: `take(T&)` each item, oldest first, at most as many as the queue holds. How many there were.
+  /// Consumer: `take(T&)` each item in the order of put(), at most as many as the queue holds. How many there were.
   template <typename Take>
   std::size_t drain(Take&& take) {
-    std::size_t count = 0;
-    for (Item* item = ring_.front(); item != nullptr && count < capacity; item = ring_.front(), ++count) {
-      if (item->lane != no_lane) lanes_[item->lane]->taken = item->number;
+    // All up to this number is to be seen. What is newer waits for the next time: something between may be unseen.
+    const std::uint64_t until = number_.load(std::memory_order_acquire);
+    newest_.clear();
+    for (const auto& lane : lanes_) {
+      if (lane->held == nullptr) lane->held = lane->newest.take();
+      if (lane->held != nullptr && lane->held->number <= until) newest_.push_back(std::exchange(lane->held, nullptr));
+    }
+    std::ranges::sort(newest_, {}, &Item::number);
+    std::size_t count = newest_.size();
+    auto newest = newest_.begin();
+    for (Item* item = ring_.front(); item != nullptr && item->number <= until; item = ring_.front(), ++count) {
+      for (; newest != newest_.end() && (*newest)->number < item->number; ++newest) take((*newest)->value);
       take(item->value);
       ring_.pop();
     }
-    for (const auto& lane : lanes_) {
-      Item* item = lane->newest.take();
-      if (item == nullptr || item->number < lane->taken) continue;
-      lane->taken = item->number;
-      take(item->value);
-      ++count;
-    }
+    for (; newest != newest_.end(); ++newest) take((*newest)->value);
     return count;
   }
 
@@ -145,17 +152,17 @@ class Mailbox {
  private:
   struct Item {
     std::uint64_t number = 0;
-    std::size_t lane = no_lane;
     T value{};
   };
   struct Lane {
     Latest<Item> newest;
-    std::uint64_t taken = 0;  ///< number of the last item that the consumer had
+    Item* held = nullptr;  ///< the consumer's: taken, but newer than what it may see yet
   };
 
   Ring<Item, capacity> ring_;
   std::vector<std::unique_ptr<Lane>> lanes_;
-  std::uint64_t number_ = 0;
+  std::vector<Item*> newest_;             ///< the consumer's, of one drain()
+  std::atomic<std::uint64_t> number_{0};  ///< of the last item that was put
   std::atomic<std::uint64_t> replaced_{0};
   std::atomic<std::uint64_t> refused_{0};
 };

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <future>
+#include <regista/device/host.hpp>
+
+namespace regista {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// Beats once an hour: whatever happens sooner was a message or the descriptor.
+class Sleeper final : public Driver {
+ public:
+  Sleeper(Setup& setup, int descriptor) : base_{setup.provide<Position2d>()}, descriptor_{descriptor} {
+    base_.on<position2d::VelocityCommand>([this](const position2d::VelocityCommand& c) {
+      if (c.velocity.x != 0) commanded.set_value(c.velocity.x);
+    });
+  }
+  Result<> read(const Tick&) override {
+    std::uint64_t count = 0;
+    if (::read(descriptor_, &count, sizeof count) > 0) told.set_value();
+    return {};
+  }
+  void publish() override { base_.send(position2d::State{}); }
+  void halt() noexcept override { halted.store(true); }
+  std::span<const int> descriptors() const override { return {&descriptor_, 1}; }
+
+  std::promise<double> commanded;
+  std::promise<void> told;
+  std::atomic<bool> halted{false};
+
+ private:
+  Port<Position2d> base_;
+  int descriptor_;
+};
+
+struct Bench {
+  Bench() {
+    auto setup = std::make_unique<Setup>(Section{});
+    auto made = std::make_unique<Sleeper>(*setup, descriptor);
+    driver = made.get();
+    host.emplace("sleeper", std::move(setup), std::move(made), HostOptions{.rate_hz = 1.0 / 3600});
+    link = &host->add_link(&woken);
+  }
+  ~Bench() {
+    host.reset();
+    ::close(descriptor);
+  }
+  template <typename M>
+  void post(const M& message) {
+    link->down.put(link->down.no_lane, [&](Inbound& in) {
+      in = {.session = 1, .port = 0, .arrived = Clock::now(), .reply_to = {.session = 1}, .message = message};
+    });
+    host->wakeup().notify();
+  }
+  /// The next that comes up, if it comes within ten seconds.
+  template <typename Message>
+  bool wait_for() {
+    for (const Time end = Clock::now() + 10s; Clock::now() < end;) {
+      bool found = false;
+      woken.clear();
+      link->up.drain([&](Outbound& out) { found = found || std::holds_alternative<Message>(out); });
+      if (found) return true;
+      pollfd polled{.fd = woken.descriptor(), .events = POLLIN, .revents = 0};
+      ::poll(&polled, 1, 10000);
+    }
+    return false;
+  }
+
+  int descriptor = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  Wakeup woken;
+  Sleeper* driver = nullptr;
+  std::optional<DriverHost> host;
+  Link* link = nullptr;
+};
+
+TEST(HostThread, wakes_for_messages_and_descriptors_and_not_only_for_beats) {
+  Bench bench;
+  auto commanded = bench.driver->commanded.get_future();
+  auto told = bench.driver->told.get_future();
+  HostThread thread{*bench.host};
+  bench.post(AnyRequest{player::Subscribe{}});
+  ASSERT_TRUE(bench.wait_for<Reply>());
+  ASSERT_TRUE(bench.wait_for<Sample>()) << "the first beat";
+
+  bench.post(AnyCommand{position2d::VelocityCommand{.velocity = {.x = 1}}});
+  ASSERT_EQ(commanded.wait_for(10s), std::future_status::ready);
+  EXPECT_EQ(commanded.get(), 1);
+
+  const std::uint64_t one = 1;
+  ASSERT_EQ(::write(bench.descriptor, &one, sizeof one), 8);
+  EXPECT_EQ(told.wait_for(10s), std::future_status::ready);
+  EXPECT_TRUE(bench.wait_for<Sample>());
+}
+
+TEST(HostThread, brings_the_driver_to_rest_when_it_stops) {
+  Bench bench;
+  HostThread thread{*bench.host};
+  bench.post(AnyRequest{player::Subscribe{}});
+  ASSERT_TRUE(bench.wait_for<Reply>());
+  EXPECT_FALSE(thread.stopped());
+  thread.request_stop();
+  for (const Time end = Clock::now() + 10s; !thread.stopped() && Clock::now() < end;) {
+    pollfd polled{.fd = bench.woken.descriptor(), .events = POLLIN, .revents = 0};
+    ::poll(&polled, 1, 10000);
+    bench.woken.clear();
+  }
+  EXPECT_TRUE(thread.stopped());
+  EXPECT_TRUE(bench.driver->halted);
+}
+
+TEST(HostThread, lets_another_thread_look_and_give_up) {
+  Bench bench;
+  HostThread thread{*bench.host};
+  bench.post(AnyRequest{player::Subscribe{}});
+  ASSERT_TRUE(bench.wait_for<Reply>());
+  (void)bench.host->busy_since();
+  EXPECT_FALSE(bench.host->give_up());
+  bench.host->wakeup().notify();
+  ASSERT_TRUE(bench.wait_for<Notice>());
+  EXPECT_EQ(bench.host->metrics().faults, 1);
+}
+
+}  // namespace
+}  // namespace regista
