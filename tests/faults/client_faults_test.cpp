@@ -121,7 +121,7 @@ TEST(Faults, f07_any_body_for_any_message) {
     client.send({.interface = interface,
                  .index = 0,
                  .type = random() % 3 == 0 ? command : request,
-                 .subtype = random() & 0xff,
+                 .subtype = static_cast<std::uint32_t>(random() & 0xff),
                  .body = std::move(body)});
     // Nobody asks without reading; PULL may have been asked for.
     while (!client.silent_for(0ms)) (void)client.receive_message();

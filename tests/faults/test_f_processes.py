@@ -315,10 +315,10 @@ def test_f26_within_little_memory(tmp_path):
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ('driver ( name "fake_base" provides ["position2d:0"] rtae 50 )', r":1:52: unknown key 'rtae'; did you mean 'rate'\?"),
+        ('driver ( name "fake_base" provides ["position2d:0"] rtae 50 )', r":1:53: unknown key 'rtae'; did you mean 'rate'\?"),
         ('drivr ( name "fake_base" )', r":1:1: .*did you mean 'driver'\?"),
         ('driver ( name "fake_base" provides ["position2d:0"] lease "long" )', r":1:59: 'lease' must be a number"),
-        ('driver ( name "fake_base" provides ["position2d:0"] lease 30 )', r":1:59: 'lease' must"),
+        ('driver ( name "fake_base" provides ["position2d:0"] lease 30 )', r":1:59: 'lease' is 30, must be within \[0.1, 2\] s"),
         ('unit_length "feet" driver ( name "fake_base" )', r":1:13: 'unit_length' must"),
         ('driver ( name "fake_base" provides ["positon2d:0"] )', r":1:37: .*did you mean 'position2d'\?"),
     ],
