@@ -101,7 +101,8 @@ Bytes RawMessage::encode(std::optional<std::uint32_t> claimed_size) const {
 std::uint32_t RawMessage::u32(std::size_t offset) const { return word(body, offset); }
 double RawMessage::f64(std::size_t offset) const { return number(body, offset); }
 
-RawClient::RawClient(std::uint16_t port, int receive_buffer) : socket_{::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)} {
+RawClient::RawClient(std::uint16_t port, int receive_buffer)
+    : socket_{::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)} {
   if (socket_ < 0) fail("socket");
   if (receive_buffer > 0) ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
   const int on = 1;

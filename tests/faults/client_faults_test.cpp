@@ -151,7 +151,8 @@ TEST(Faults, f07_slowloris) {
   const Duration took = Clock::now() - begin;
   EXPECT_GT(took, 9s);
   EXPECT_LT(took, 15s);
-  EXPECT_TRUE(robot.server.logged("incomplete").starts_with("client 1 closed: protocol error: message incomplete after 10"));
+  EXPECT_TRUE(
+      robot.server.logged("incomplete").starts_with("client 1 closed: protocol error: message incomplete after 10"));
 }
 
 TEST(Faults, f25_too_many_clients) {
@@ -166,7 +167,8 @@ TEST(Faults, f25_too_many_clients) {
   clients.pop_back();
   const Time end = Clock::now() + 10s;
   bool served = false;
-  while (!served && Clock::now() < end) served = Player{robot.server.port()}.banner().find("refused") == std::string::npos;
+  while (!served && Clock::now() < end)
+    served = Player{robot.server.port()}.banner().find("refused") == std::string::npos;
   EXPECT_TRUE(served);
 }
 

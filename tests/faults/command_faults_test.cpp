@@ -101,8 +101,12 @@ TEST(Faults, f08_numbers_that_are_none) {
   client.open();
   const double nan = std::nan("");
   const double infinite = std::numeric_limits<double>::infinity();
-  for (const auto& [x, y, w] : {std::array{nan, 0.0, 0.0}, {0.0, nan, 0.0}, {0.0, 0.0, nan}, {infinite, 0.0, 0.0},
-                                {0.0, -infinite, 0.0}, {0.0, 0.0, infinite}}) {
+  for (const auto& [x, y, w] : {std::array{nan, 0.0, 0.0},
+                                {0.0, nan, 0.0},
+                                {0.0, 0.0, nan},
+                                {infinite, 0.0, 0.0},
+                                {0.0, -infinite, 0.0},
+                                {0.0, 0.0, infinite}}) {
     client.velocity(x, y, w);
   }
   client.sync();
@@ -242,7 +246,8 @@ TEST(Faults, f28_take_over_goes_through_zero) {
   EXPECT_EQ(robot.server.logged("stopped"), "position2d:0 stopped: taken over by \"referee\"");
   owner.velocity(0.75);
   owner.sync();
-  EXPECT_TRUE(std::ranges::none_of(robot.recorder.events("velocity"), [](const auto& e) { return e.numbers[0] == 0.75; }));
+  EXPECT_TRUE(
+      std::ranges::none_of(robot.recorder.events("velocity"), [](const auto& e) { return e.numbers[0] == 0.75; }));
   EXPECT_EQ(owner.text_property("motion.owner"), "referee");
 }
 
@@ -259,9 +264,8 @@ TEST(Faults, f28_take_over_with_blend_does_not_stop) {
   EXPECT_EQ(take(boss, true).type, ack);
   boss.velocity(-0.25);
   const Time turned = robot.recorder.velocity(sent, -0.25).at;
-  EXPECT_TRUE(std::ranges::none_of(robot.recorder.events("velocity"), [&](const auto& e) {
-    return e.at >= sent && e.at < turned && e.numbers[0] == 0;
-  }));
+  EXPECT_TRUE(std::ranges::none_of(robot.recorder.events("velocity"),
+                                   [&](const auto& e) { return e.at >= sent && e.at < turned && e.numbers[0] == 0; }));
 }
 
 TEST(Faults, f29_a_stock_client_that_sends_once) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <fake_base.hpp>
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <fake_base.hpp>
 
 #include <algorithm>
 #include <array>
@@ -22,12 +22,11 @@ namespace regista::testing {
 
 using namespace std::chrono_literals;
 
-inline const Plugin fake_base{.name = "fake_base",
-                              .summary = "records what is done to it",
-                              .stops_by_itself = true,
-                              .create = [](Setup& setup) -> std::unique_ptr<Driver> {
-                                return std::make_unique<FakeBase>(setup);
-                              }};
+inline const Plugin fake_base{
+    .name = "fake_base",
+    .summary = "records what is done to it",
+    .stops_by_itself = true,
+    .create = [](Setup& setup) -> std::unique_ptr<Driver> { return std::make_unique<FakeBase>(setup); }};
 
 // Player's numbers, from its documentation and not from our headers.
 inline constexpr std::uint32_t data = 1;
@@ -45,7 +44,8 @@ class Player : public RawClient {
 
   /// Ask, and take what comes until the answer. Data on the way are counted.
   RawMessage ask(std::uint32_t interface, std::uint32_t index, std::uint32_t subtype, Bytes body = {}) {
-    send(RawMessage{.interface = interface, .index = index, .type = request, .subtype = subtype, .body = std::move(body)});
+    send(RawMessage{
+        .interface = interface, .index = index, .type = request, .subtype = subtype, .body = std::move(body)});
     return answer();
   }
   RawMessage answer(Duration timeout = patience) {
@@ -95,8 +95,7 @@ class Player : public RawClient {
     for (const char c : key) characters.push_back(static_cast<std::byte>(c));
     const auto size = static_cast<std::uint32_t>(key.size() + 1);
     characters.resize((size + 3) / 4 * 4);
-    const RawMessage reply =
-        ask(position2d, 0, 250, Pack{}.u32(size).u32(size).raw(characters).u32(0).u32(0).bytes);
+    const RawMessage reply = ask(position2d, 0, 250, Pack{}.u32(size).u32(size).raw(characters).u32(0).u32(0).bytes);
     if (reply.type != ack) return "NACK";
     const std::size_t value = 8 + characters.size();
     std::string text;
@@ -158,8 +157,7 @@ class Recorder {
     std::unique_lock lock{mutex_};
     Event found;
     const auto look = [&] {
-      const auto event =
-          std::ranges::find_if(events_, [&](const Event& e) { return e.at >= since && fits(e); });
+      const auto event = std::ranges::find_if(events_, [&](const Event& e) { return e.at >= since && fits(e); });
       if (event == events_.end()) return false;
       found = *event;
       return true;

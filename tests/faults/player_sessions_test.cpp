@@ -32,12 +32,11 @@ class FakeDriver final : public Driver {
   Port<Power> power_;
 };
 
-const Plugin fake_driver{.name = "fakedriver",
-                         .summary = "as in the recordings",
-                         .stops_by_itself = true,
-                         .create = [](Setup& setup) -> std::unique_ptr<Driver> {
-                           return std::make_unique<FakeDriver>(setup);
-                         }};
+const Plugin fake_driver{
+    .name = "fakedriver",
+    .summary = "as in the recordings",
+    .stops_by_itself = true,
+    .create = [](Setup& setup) -> std::unique_ptr<Driver> { return std::make_unique<FakeDriver>(setup); }};
 
 class PlayerSession : public ::testing::TestWithParam<const char*> {};
 
@@ -61,9 +60,7 @@ TEST_P(PlayerSession, gets_the_same_kinds_of_answers_in_the_same_order) {
     for (; got.type == data; ++data_before) got = client.receive_message();
     const std::string name = recorded["name"];
     SCOPED_TRACE(name + " at " + recorded["t"].dump());
-    const std::uint32_t type = recorded["type"] == "SYNCH"      ? synch
-                               : recorded["type"] == "RESP_ACK" ? ack
-                                                                : nack;
+    const std::uint32_t type = recorded["type"] == "SYNCH" ? synch : recorded["type"] == "RESP_ACK" ? ack : nack;
     ASSERT_EQ(got.type, type);
     ASSERT_EQ(got.interface, recorded["interface"].get<std::uint32_t>());
     ASSERT_EQ(got.index, recorded["index"].get<std::uint32_t>());
@@ -75,7 +72,8 @@ TEST_P(PlayerSession, gets_the_same_kinds_of_answers_in_the_same_order) {
     ++answers;
   }
   EXPECT_GT(answers, 20U);
-  EXPECT_TRUE(std::ranges::none_of(server.log(), [](const std::string& line) { return line.find("error") != line.npos; }));
+  EXPECT_TRUE(
+      std::ranges::none_of(server.log(), [](const std::string& line) { return line.find("error") != line.npos; }));
 }
 
 INSTANTIATE_TEST_SUITE_P(Recorded, PlayerSession, ::testing::Values("playerprint", "libplayercpp"),

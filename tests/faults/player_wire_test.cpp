@@ -280,7 +280,8 @@ TEST(PlayerWire, pull_says_how_many_were_lost) {
 
 Bytes rule(std::int32_t interface, std::int32_t index, std::int32_t type, std::int32_t subtype, std::int32_t replace) {
   Pack pack;
-  for (const std::int32_t value : {interface, index, type, subtype, replace}) pack.u32(static_cast<std::uint32_t>(value));
+  for (const std::int32_t value : {interface, index, type, subtype, replace})
+    pack.u32(static_cast<std::uint32_t>(value));
   return pack.bytes;
 }
 

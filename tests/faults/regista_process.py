@@ -82,9 +82,7 @@ class Server:
         self.log_file = folder / "log"
         self.log_stream = self.log_file.open("w")
         command = [*arguments, SERVER, "--port", "0", "--listen", "127.0.0.1", "--plugins", PLUGINS, self.config]
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=self.log_stream, text=True, **popen
-        )
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log_stream, text=True, **popen)
         ready = self.process.stdout.readline()
         assert ready.startswith("regista-server: ready on "), ready + self.log()
         self.port = int(ready.rsplit(":", 1)[1])

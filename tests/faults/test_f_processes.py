@@ -9,9 +9,12 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from regista_process import ACK, NOISE, PLUGINS, POSITION2D, SERVER, Client, Server, closing, quantiles, wait_for
+
+FOLDER = str(Path(__file__).parent)
 
 CLIENT = """
 import sys, time
@@ -29,7 +32,7 @@ while True:
 
 def commander(port):
     """A process that drives position2d:0."""
-    return subprocess.Popen([sys.executable, "-c", CLIENT.format(folder=os.path.dirname(__file__), port=port)])
+    return subprocess.Popen([sys.executable, "-c", CLIENT.format(folder=FOLDER, port=port)])
 
 
 def serve(*arguments, timeout=20, **options):
@@ -58,7 +61,7 @@ def test_f02_cable_pulled(tmp_path):
     """In a network namespace whose loopback goes down: both sides stay silent, as behind a pulled cable."""
     inner = f"""
 import fcntl, socket, struct, sys, time, pathlib
-sys.path.insert(0, {os.path.dirname(__file__)!r})
+sys.path.insert(0, {FOLDER!r})
 from regista_process import *
 def loopback(up):
     with socket.socket() as s:
@@ -127,7 +130,7 @@ def test_f05_request_flood_without_reading_costs_no_memory(tmp_path):
 
 
 def test_f11_driver_segfaults(tmp_path):
-    """The server dies with it: that the hardware stops then is the drive's own doing, which no software here can show."""
+    """The server dies with it. That the hardware then stops is the drive's own doing, which nothing here can show."""
     with Server(tmp_path, 'fault "segfault" at "command"', preexec_fn=no_core) as server:
         client = Client(server.port)
         client.open()
@@ -143,11 +146,11 @@ def no_core():
 @pytest.mark.parametrize(
     ("plugin", "text"),
     [
-        ("no_symbol", r': undefined symbol regista_plugin \(it is no regista driver'),
-        ("undefined_symbol", r': undefined symbol foo \(built for ABI 1, server has 1\)'),
-        ("wrong_api", r': built for ABI 2, server has 1'),
-        ("wrong_layout", r': built with another compiler or another regista of ABI 1'),
-        ("nowhere", r': cannot open shared object file: No such file or directory'),
+        ("no_symbol", r": undefined symbol regista_plugin \(it is no regista driver"),
+        ("undefined_symbol", r": undefined symbol foo \(built for ABI 1, server has 1\)"),
+        ("wrong_api", r": built for ABI 2, server has 1"),
+        ("wrong_layout", r": built with another compiler or another regista of ABI 1"),
+        ("nowhere", r": cannot open shared object file: No such file or directory"),
     ],
 )
 @pytest.mark.parametrize("check", [False, True])
@@ -315,10 +318,16 @@ def test_f26_within_little_memory(tmp_path):
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ('driver ( name "fake_base" provides ["position2d:0"] rtae 50 )', r":1:53: unknown key 'rtae'; did you mean 'rate'\?"),
+        (
+            'driver ( name "fake_base" provides ["position2d:0"] rtae 50 )',
+            r":1:53: unknown key 'rtae'; did you mean 'rate'\?",
+        ),
         ('drivr ( name "fake_base" )', r":1:1: .*did you mean 'driver'\?"),
         ('driver ( name "fake_base" provides ["position2d:0"] lease "long" )', r":1:59: 'lease' must be a number"),
-        ('driver ( name "fake_base" provides ["position2d:0"] lease 30 )', r":1:59: 'lease' is 30, must be within \[0.1, 2\] s"),
+        (
+            'driver ( name "fake_base" provides ["position2d:0"] lease 30 )',
+            r":1:59: 'lease' is 30, must be within \[0.1, 2\] s",
+        ),
         ('unit_length "feet" driver ( name "fake_base" )', r":1:13: 'unit_length' must"),
         ('driver ( name "fake_base" provides ["positon2d:0"] )', r":1:37: .*did you mean 'position2d'\?"),
     ],
@@ -356,7 +365,7 @@ def test_f34_starved_of_the_processor(tmp_path):
 
 def test_l4_overload(tmp_path):
     """The short form: 20 clients at 1 kHz that read nothing, and one that drives on."""
-    with Server(tmp_path, 'echo yes samples 5') as server:
+    with Server(tmp_path, "echo yes samples 5") as server:
         idle = [Client(server.port) for _ in range(20)]
         with closing(idle):
             for client in idle:
