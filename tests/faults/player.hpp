@@ -144,8 +144,13 @@ class Recorder {
 
   [[nodiscard]] std::string path() const { return "/dev/fd/" + std::to_string(pipe_[1]); }
 
+  /// All that the driver has written so far.
   [[nodiscard]] std::vector<Event> events(const std::string& what) const {
-    const std::lock_guard lock{mutex_};
+    constexpr std::string_view mark = "0 mark\n";  // behind it in the pipe
+    std::unique_lock lock{mutex_};
+    const std::size_t wanted = marks_ + 1;
+    if (::write(pipe_[1], mark.data(), mark.size()) < 0) throw std::runtime_error{"no pipe"};
+    changed_.wait(lock, [&] { return marks_ >= wanted; });
     std::vector<Event> found;
     std::ranges::copy_if(events_, std::back_inserter(found), [&](const Event& e) { return e.what == what; });
     return found;
@@ -192,7 +197,11 @@ class Recorder {
         line >> nanoseconds >> event.what;
         event.at = Time{Duration{nanoseconds}};
         for (double& number : event.numbers) line >> number;
-        if (event.what != "read") events_.push_back(std::move(event));
+        if (event.what == "mark") {
+          ++marks_;
+        } else if (event.what != "read") {
+          events_.push_back(std::move(event));
+        }
       }
       changed_.notify_all();
     }
@@ -201,6 +210,7 @@ class Recorder {
   mutable std::mutex mutex_;
   mutable std::condition_variable changed_;
   std::vector<Event> events_;
+  std::size_t marks_ = 0;
   std::array<int, 2> pipe_{};
   std::thread thread_;
 };

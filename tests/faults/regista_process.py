@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A server in a process of its own, and a client of packed bytes: for faults that need a process to die, starve or stop."""
+"""A server in a process of its own, and a client of packed bytes: for faults that need a process to die or stop."""
 
 import contextlib
 import os
@@ -119,8 +119,8 @@ class Server:
 
     def rss(self):
         """Resident memory [bytes]."""
-        with open(f"/proc/{self.process.pid}/statm") as file:
-            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        statm = Path(f"/proc/{self.process.pid}/statm").read_text()
+        return int(statm.split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
     def cpu(self):
         """Processor time so far [s]."""
@@ -128,7 +128,7 @@ class Server:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def descriptors(self):
-        return len(os.listdir(f"/proc/{self.process.pid}/fd"))
+        return len(list(Path(f"/proc/{self.process.pid}/fd").iterdir()))
 
 
 def wait_for(look, timeout=10.0):
