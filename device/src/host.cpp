@@ -370,6 +370,7 @@ Result<AnyReply> DriverHost::subscribe(Channel& channel, const Inbound& inbound,
     update_listeners();
   } else if (subscribers.erase(subscriber) > 0 && request.access == player::Access::close) {
     update_listeners();
+    tell_driver(states_[inbound.port], port);  // what it said before
     for (MotionGroup& group : states_[inbound.port].groups) group.gone(inbound.session, now_);
     run_motion();
     close_if_unused();
@@ -382,6 +383,7 @@ Result<AnyReply> DriverHost::subscribe(Channel& channel, const Inbound& inbound,
 void DriverHost::gone(Channel& channel, SessionId session) {
   for (PortCore& port : setup_->ports) {
     PortState& state = states_[port.number];
+    tell_driver(state, port);  // what it said before it went
     for (MotionGroup& group : state.groups) group.gone(session, now_);
     state.subscribers.erase({&channel.link, session});
     if (std::ranges::none_of(state.subscribers, [&](const auto& s) { return s.first == &channel.link; })) {

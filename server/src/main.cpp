@@ -144,8 +144,10 @@ int main(int argc, char** argv) {
           ->excludes(config);
   app.add_option("--port", arguments.port, "TCP port instead of the configuration's; 0: any free one");
   app.add_option("--listen", arguments.listen,
-                 "Addresses to listen on instead of the configuration's (127.0.0.1 and ::1)");
-  app.add_option("--plugins", arguments.plugin_folders, "Folders to look for plugins in, before the usual one");
+                 "Addresses to listen on instead of the configuration's (127.0.0.1 and ::1)")
+      ->allow_extra_args(false);  // one each: what follows may be the configuration
+  app.add_option("--plugins", arguments.plugin_folders, "Folders to look for plugins in, before the usual one")
+      ->allow_extra_args(false);
   app.add_option("--log-level", arguments.log_level, "info, warning, error or off")
       ->check(CLI::IsMember({"info", "warning", "error", "off"}));
   app.add_flag("--json-log", arguments.json_log, "One JSON object a line on stderr");

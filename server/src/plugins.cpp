@@ -79,16 +79,21 @@ void Plugins::load(const Value& statement) { load(locate(statement.text, stateme
 const Plugin& Plugins::load(const std::filesystem::path& file, const Place& place) {
   check_safe(file, place);
   const auto refuse = [&](const std::string& why) { return ConfigError{place, "plugin " + quoted(file) + ": " + why}; };
+  const auto open = [&](int mode) { return ::dlopen(file.c_str(), mode | RTLD_LOCAL); };
+  const auto entry = [](void* library) { return static_cast<const Plugin*>(::dlsym(library, "regista_plugin")); };
   // Lazily first: a plugin for another server may lack symbols, and its number says more than they do.
-  void* library = ::dlopen(file.c_str(), RTLD_LAZY | RTLD_LOCAL);
-  if (library == nullptr) throw refuse(load_error(file));
-  const auto* plugin = static_cast<const Plugin*>(::dlsym(library, "regista_plugin"));
+  void* lazy = open(RTLD_LAZY);
+  if (lazy == nullptr) throw refuse(load_error(file));
+  const Plugin* plugin = entry(lazy);
   if (plugin == nullptr) {
     throw refuse("undefined symbol regista_plugin (it is no regista driver; see docs/writing-a-driver.md)");
   }
   const std::string versions =
       "built for ABI " + std::to_string(plugin->api) + ", server has " + std::to_string(plugin_api);
-  if (::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL) == nullptr) throw refuse(load_error(file) + " (" + versions + ")");
+  ::dlclose(lazy);  // what is still open is not bound again
+  void* library = open(RTLD_NOW);
+  if (library == nullptr) throw refuse(load_error(file) + " (" + versions + ")");
+  plugin = entry(library);
   if (plugin->api != plugin_api) throw refuse(versions + "; build it again");
   if (plugin->layout != plugin_layout) {
     throw refuse("built with another compiler or another regista of ABI " + std::to_string(plugin_api) +

@@ -22,12 +22,12 @@ MotionPolicy read_motion(const Section& config) {
   MotionPolicy policy;
   policy.lease = config.duration("lease", defaults.lease, {.min = 0.1, .max = 2.0});
   policy.outlives_owner = config.boolean("outlives_owner", false);
-  policy.max_speed = config.number("max_speed", infinite, positive);
-  policy.max_turn = config.number("max_turn", infinite, positive);
-  policy.max_acceleration = config.number("max_acceleration", infinite, positive);
-  policy.max_turn_acceleration = config.number("max_turn_acceleration", infinite, positive);
-  policy.ramp = config.number("ramp", infinite, positive);
-  policy.turn_ramp = config.number("turn_ramp", infinite, positive);
+  policy.max_speed = config.length("max_speed", infinite, positive);
+  policy.max_turn = config.angle("max_turn", infinite, positive);
+  policy.max_acceleration = config.length("max_acceleration", infinite, positive);
+  policy.max_turn_acceleration = config.angle("max_turn_acceleration", infinite, positive);
+  policy.ramp = config.length("ramp", infinite, positive);
+  policy.turn_ramp = config.angle("turn_ramp", infinite, positive);
   return policy;
 }
 
