@@ -7,7 +7,7 @@ namespace regista::xdr {
 
 /// What stands before each body: 40 bytes, then `size` bytes of body.
 struct Header {
-  player::DeviceAddress address;
+  player::DeviceAddress address{};
   Kind kind{};
   std::uint8_t subtype = 0;
   double timestamp_s = 0;
