@@ -343,6 +343,9 @@ Result<AnyReply> DriverHost::subscribe(Channel& channel, const Inbound& inbound,
   };
   if (request.access == player::Access::open) {
     if (!open_) {
+      // A person's attempt is made at once; a driver asks every second, and must not defeat the back-off.
+      const bool too_soon = faulted_ && now_ < retry_at_ && inbound.session >= first_driver_session;
+      if (too_soon) return Error{std::errc::not_connected, fault_text_};
       if (Result<> opened = try_open(); !opened) return opened.error();
     }
     subscribers.insert(subscriber);
