@@ -69,6 +69,7 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
                        HostOptions options)
     : name_{std::move(name)}, setup_{std::move(setup)}, driver_{std::move(driver)}, options_{std::move(options)} {
   period_ = options_.rate_hz > 0 ? from_seconds(1 / options_.rate_hz) : Duration{};
+  if (options_.always_on) retry_at_ = Time::min();
   options_.motion.resize(setup_->ports.size());
   states_.resize(setup_->ports.size());
   for (PortCore& port : setup_->ports) {
