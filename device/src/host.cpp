@@ -71,6 +71,7 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
                        HostOptions options)
     : name_{std::move(name)}, options_{std::move(options)}, setup_{std::move(setup)}, driver_{std::move(driver)} {
   period_ = options_.rate_hz > 0 ? from_seconds(1 / options_.rate_hz) : Duration{};
+  if (options_.always_on) retry_at_ = Time::min();
   options_.motion.resize(setup_->ports.size());
   states_.resize(setup_->ports.size());
   for (PortCore& port : setup_->ports) {
@@ -364,6 +365,9 @@ Result<AnyReply> DriverHost::subscribe(Channel& channel, const Inbound& inbound,
   };
   if (request.access == player::Access::open) {
     if (!open_) {
+      // A person's attempt is made at once; a driver asks every second, and must not defeat the back-off.
+      const bool too_soon = faulted_ && now_ < retry_at_ && inbound.session >= first_driver_session;
+      if (too_soon) return Error{std::errc::not_connected, fault_text_};
       if (Result<> opened = try_open(); !opened) return opened.error();
     }
     subscribers.insert(subscriber);
