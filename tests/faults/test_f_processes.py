@@ -293,7 +293,7 @@ def test_f25_out_of_descriptors(tmp_path):
 
 
 def test_f26_within_little_memory(tmp_path):
-    """256 MiB of address space, and clients that waste what they can."""
+    """512 MiB of address space, and clients that waste what they can."""
     if "san" in str(SERVER):
         pytest.skip("sanitizers need terabytes of address space")
     with Server(tmp_path, arguments=["prlimit", f"--as={512 << 20}"]) as server:
@@ -364,7 +364,7 @@ def test_f34_starved_of_the_processor(tmp_path):
 
 
 def test_l4_overload(tmp_path):
-    """The short form: 20 clients at 1 kHz that read nothing, and one that drives on."""
+    """A short form, 20 x 100 Hz: subscribers that read nothing, and one client that drives on."""
     with Server(tmp_path, "echo yes samples 5") as server:
         idle = [Client(server.port) for _ in range(20)]
         with closing(idle):
