@@ -25,7 +25,7 @@ Bytes requests(std::size_t count) {
   return all;
 }
 
-TEST(Faults, f04_slow_reader_of_data_gets_the_newest) {
+TEST(Faults, f04_slow_reader_of_data_loses_some_and_they_are_counted) {
   const Robot robot{"", 2000};
   Player slow{robot.server.port(), small_buffer};
   slow.open();
@@ -36,18 +36,6 @@ TEST(Faults, f04_slow_reader_of_data_gets_the_newest) {
   while (dropped() == 0 && Clock::now() < end) std::this_thread::sleep_for(10ms);
   EXPECT_GT(dropped(), 0U);
   EXPECT_LE(status(watcher)["clients"][0]["pending_bytes"].get<std::size_t>(), std::size_t{256} << 10);
-  // When it reads again there is a gap, and what follows it is fresh.
-  double last = slow.next(data).timestamp_s;
-  double widest = 0;
-  double after = 0;
-  for (int i = 0; i < 4000; ++i) {
-    const double stamp = slow.next(data).timestamp_s;
-    if (stamp - last > widest) after = stamp;
-    widest = std::max(widest, stamp - last);
-    last = stamp;
-  }
-  EXPECT_GT(widest, 0);
-  EXPECT_GE(last, after);
   EXPECT_EQ(slow.ask(1, 0, 1).type, ack);  // data alone are no reason to close
 }
 
