@@ -105,6 +105,7 @@ class Server::Impl final : public SessionOwner {
   void accept(asio::ip::tcp::socket socket);
   void serve_metrics(asio::ip::tcp::socket socket);
   void housekeep();
+  void check_sessions(Time now);
   void watch(Hosted& hosted, Time now);
   void begin_shutdown();
   void finish_shutdown_if_done();
@@ -141,6 +142,7 @@ class Server::Impl final : public SessionOwner {
   std::uint64_t data_dropped_ = 0;  ///< by sessions that are gone
   Time started_{};
   Time watchdog_kicked_{};
+  Time sessions_checked_{};
   std::optional<Time> shutting_down_since_;
   bool all_stopped_ = false;
   AnyCommand command_;              ///< scratch, so that its memory is used again
