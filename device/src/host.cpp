@@ -14,7 +14,6 @@ using namespace std::chrono_literals;
 
 constexpr Duration first_back_off = 1s;  // then doubled, up to the longest
 constexpr Duration longest_back_off = 30s;
-constexpr std::string_view opening = "open";  // the call that may block
 constexpr Duration refusal_interval = 5s;
 // Without a beat of its own a driver's leases and ramps are looked after at this period.
 constexpr Duration motion_period = 10ms;
@@ -71,7 +70,6 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
                        HostOptions options)
     : name_{std::move(name)}, options_{std::move(options)}, setup_{std::move(setup)}, driver_{std::move(driver)} {
   period_ = options_.rate_hz > 0 ? from_seconds(1 / options_.rate_hz) : Duration{};
-  if (options_.always_on) retry_at_ = Time::min();
   options_.motion.resize(setup_->ports.size());
   states_.resize(setup_->ports.size());
   for (PortCore& port : setup_->ports) {
@@ -555,7 +553,7 @@ Result<> DriverHost::try_open() {
   // First, so that open() may ask them.
   for (RequiredCore& device : setup_->required) attend(device, true);
   Result<> opened;
-  if (!survives(opening, [&] { opened = driver_->open(); })) {
+  if (!survives("open", [&] { opened = driver_->open(); })) {
     return Error{std::errc::state_not_recoverable, fault_text_};
   }
   if (!opened) {

@@ -3,6 +3,7 @@
 
 import os
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm, solve_discrete_are
 
-ORACLE = os.path.join(os.environ.get("REGISTA_BIN", "build/dev/bin"), "oracle_control")
+ORACLE = Path(os.environ.get("REGISTA_BIN", "build/dev/bin")) / "oracle_control"
 
 
 def ask(what, parameters, lines):
@@ -67,12 +68,15 @@ def motion(vx, vy, w, t):
 def test_odometry_equals_a_numerical_integrator():
     random = np.random.default_rng(1)
     rates = [0.0, 1e-9, -1e-5, 1e-3, -0.3, 2.0, 15.0]
-    lines = [[random.uniform(-3, 3), random.uniform(-3, 3), random.choice(rates), random.integers(1, 3e8)]
-             for _ in range(60)]
+    lines = [
+        [random.uniform(-3, 3), random.uniform(-3, 3), random.choice(rates), random.integers(1, 3e8)] for _ in range(60)
+    ]
     state = np.zeros(3)
     for (vx, vy, w, ns), ours in zip(lines, ask("odometry", [], lines), strict=True):
+
         def slope(_, s, vx=vx, vy=vy, w=w):
             return [vx * np.cos(s[2]) - vy * np.sin(s[2]), vx * np.sin(s[2]) + vy * np.cos(s[2]), w]
+
         state = solve_ivp(slope, (0, ns * 1e-9), state, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
         np.testing.assert_allclose(ours[:2], state[:2], atol=1e-9)
         assert abs(wrap(ours[2] - state[2])) < 1e-9
@@ -211,8 +215,10 @@ def test_pose_ekf_equals_filterpy(seed):
 
     def update(name, z, sds):
         h = H[name]
+
         def residual(a, b):
             return wrap(a - b) if name == "heading" else a - b
+
         ekf.update(np.array(z), HJacobian=lambda _: h, Hx=lambda x: h @ x, R=np.diag(np.square(sds)), residual=residual)
         lines.append([name, *z, *(sds[:1] if name == "position" else sds)])
         expected.append((ekf.x.copy(), ekf.P.copy()))
@@ -245,12 +251,14 @@ def test_pose_ekf_process_noise_agrees_with_the_integral_over_the_step():
     # Without the simplification: q = integral of F(s) G F(s)', where the white noise acts at every instant of the step.
     noise = dict(acceleration=0.3, turn=0.2, bias=1e-6, slip=1e-3)
     state, t = np.array([0, 0, 0.7, 1.2, 0.9, 0]), 0.02
+
     def at(s):
         middle = moved(state, t - s)
         heading = middle[2]
         g = np.diag([noise["slip"], noise["slip"], 0, noise["acceleration"], noise["turn"], noise["bias"]])
         f = derivative(np.array([0, 0, heading, *state[3:]]), s)
         return f @ g @ f.T
+
     exact = quad_vec(at, 0, t)[0]
     ours = process_noise(state, t, **noise)
     scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))

@@ -4,6 +4,7 @@
 import os
 import random
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -40,8 +41,8 @@ def test_durations_equal_those_of_ruckig():
     rng = random.Random(1)
     cases = [random_case(rng) for _ in range(CASES)]
     lines = "".join(" ".join(map(repr, case)) + "\n" for case in cases)
-    program = os.path.join(os.environ.get("REGISTA_BIN", "build/dev/bin"), "profile_durations")
+    program = Path(os.environ.get("REGISTA_BIN", "build/dev/bin")) / "profile_durations"
     ours = subprocess.run([program], input=lines, capture_output=True, text=True, check=True, timeout=60).stdout.split()
     assert len(ours) == CASES
-    for case, duration in zip(cases, map(float, ours)):
+    for case, duration in zip(cases, map(float, ours), strict=True):
         assert duration == pytest.approx(ruckig_duration(*case), abs=1e-9, rel=0), case

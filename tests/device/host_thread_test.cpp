@@ -125,8 +125,8 @@ TEST(HostThread, lets_another_thread_look_and_give_up) {
   (void)bench.host->busy_since();
   EXPECT_FALSE(bench.host->give_up());
   bench.host->wakeup().notify();
-  ASSERT_TRUE(bench.wait_for<Notice>());
-  EXPECT_EQ(bench.host->metrics().faults, 1);
+  // Its notice comes after those of the start.
+  while (bench.host->metrics().faults != 1) ASSERT_TRUE(bench.wait_for<Notice>());
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ TEST(FakeBase, records_what_is_done_to_it) {
   log.resize(static_cast<std::size_t>(::read(ends[0], log.data(), log.size())));
   ::close(ends[0]);
   EXPECT_EQ(std::regex_replace(log, std::regex{"(^|\n)[0-9]+ "}, "$1"),
-            "open\nread\nvelocity 0.5 0 -1\nvelocity 0 0 0\nhalt\nclose\n");
+            "open\nvelocity 0.5 0 -1\nread\nvelocity 0 0 0\nhalt\nclose\n");
 }
 
 TEST(FakeBase, echoes_a_command_before_the_beat) {

@@ -23,7 +23,7 @@ MAY_INCLUDE = {
     "control": ["core"],
     "canopen": ["core"],
     "ssl": ["core"],
-    "sim": ["control", "core"],
+    "sim": ["core"],
     "client/cpp": ["xdr", "interfaces", "core"],
     "server": ["device", "xdr", "interfaces", "core", "client/cpp"],
     "testing": ["server", "client/cpp", "device", "xdr", "interfaces", "core"],

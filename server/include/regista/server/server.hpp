@@ -16,7 +16,7 @@ enum class LogLevel : std::uint8_t { info, warning, error };
 
 struct ServerOptions {
   std::optional<std::uint16_t> port{};                  ///< instead of the .cfg's; 0: any free one
-  std::vector<std::string> listen{};                   ///< addresses instead of the .cfg's
+  std::vector<std::string> listen{};                    ///< addresses instead of the .cfg's
   std::vector<std::filesystem::path> plugin_folders{};  ///< where plugins that are named without a path are looked for
   std::vector<const Plugin*> plugins{};                 ///< linked in: found before any folder is searched
   /// Called on the network thread for everything that a person may want to read.
