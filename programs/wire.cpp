@@ -98,11 +98,11 @@ bool convert(std::string_view input, const std::string& place, const Convert& co
   const auto output = convert_line(input, note);
   if (!output) {
     const bool plain = output.error().code == std::errc::invalid_argument;  // the text says it all
-    std::cerr << place << ": " << (plain ? output.error().what : output.error().message()) << std::endl;
+    std::cerr << place << ": " << (plain ? output.error().what : output.error().message()) << '\n' << std::flush;
     return false;
   }
-  if (!note.empty()) std::cerr << place << ": " << note << std::endl;
-  std::cout << *output << std::endl;  // each at once: we may stand in a pipe
+  if (!note.empty()) std::cerr << place << ": " << note << '\n' << std::flush;
+  std::cout << *output << '\n' << std::flush;  // each at once: we may stand in a pipe
   return true;
 }
 

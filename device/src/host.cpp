@@ -86,7 +86,8 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
       }
     });
     port.reply = [this](Reply&& reply) {
-      if (reply.to.session != 0) put(channels_[reply.to.link], std::move(reply));
+      Channel& asked_over = channels_[reply.to.link];
+      if (reply.to.session != 0) put(asked_over, std::move(reply));
     };
   }
 }

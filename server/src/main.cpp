@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 #include <asio/io_context.hpp>
 #include <asio/signal_set.hpp>
+#include <charconv>
 #include <cstdio>
 #include <iostream>
 #include <regista/client/robot.hpp>
@@ -50,9 +51,17 @@ std::shared_ptr<spdlog::logger> make_logger(const Arguments& arguments) {
 int print_status(const std::string& server) {
   const auto colon = server.rfind(':');
   const std::string host = server.substr(0, colon);
-  const int port = colon == std::string::npos ? 6665 : std::atoi(server.c_str() + colon + 1);
+  std::uint16_t port = 6665;
+  if (colon != std::string::npos) {
+    const char* end = server.data() + server.size();
+    if (const auto read = std::from_chars(server.data() + colon + 1, end, port);
+        read.ec != std::errc{} || read.ptr != end) {
+      std::cerr << "regista-server: --status wants HOST:PORT, such as localhost:6665, not '" << server << "'\n";
+      return EX_USAGE;
+    }
+  }
   try {
-    client::Robot robot{host.empty() ? "localhost" : host, static_cast<std::uint16_t>(port)};
+    client::Robot robot{host.empty() ? "localhost" : host, port};
     std::cout << robot.status() << '\n';
     return EX_OK;
   } catch (const client::Error& error) {
@@ -111,7 +120,9 @@ int serve(const Arguments& arguments) {
   wait_for_signal(0);
   std::jthread signal_thread{[&] { signals_io.run(); }};
 
-  server.on_ready([&] { std::cout << "regista-server: ready on " << server.endpoints().front() << std::endl; });
+  server.on_ready([&] {
+    std::cout << "regista-server: ready on " << server.endpoints().front() << '\n' << std::flush;
+  });
   server.on_hang([&] {
     logger->error("a driver has hung for too long: exiting, so that the service is started again");
     logger->flush();

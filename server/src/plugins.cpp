@@ -30,7 +30,7 @@ void check_safe(const std::filesystem::path& file, const Place& place) {
 
 /// "undefined symbol foo", without the path, which is ours to say.
 std::string load_error(const std::filesystem::path& file) {
-  std::string why = ::dlerror();
+  std::string why = ::dlerror();  // NOLINT(concurrency-mt-unsafe): before there are other threads
   if (why.starts_with(file.string() + ": ")) why.erase(0, file.string().size() + 2);
   if (const auto at = why.find("symbol: "); at != std::string::npos) why.erase(at + 6, 1);
   return why;
