@@ -15,7 +15,7 @@ void SpeedLoop::see(double angle_rad, double h) {
   if (now != count_) {
     // The last edge passed is at `now` when turning up and at `now + 1` when turning down.
     const int direction = now > count_ ? 1 : -1;
-    const double last = static_cast<double>(direction > 0 ? now : now + 1);
+    const auto last = static_cast<double>(direction > 0 ? now : now + 1);
     const double after_edge_s = h * (edges_ - last) / (edges_ - before);
     const double period_s = (since_edge_s_ - after_edge_s) / static_cast<double>(std::abs(now - count_));
     // An edge after standstill or a reversal ends no period yet.

@@ -8,7 +8,7 @@ namespace regista::testing {
 TestServer::TestServer(const std::string& config, std::vector<const Plugin*> plugins)
     : server_{parse_config(config, "test.cfg"), options(std::move(plugins))}, port_{server_.port()} {
   server_.on_ready([this] {
-    const std::lock_guard lock{mutex_};
+    const std::scoped_lock lock{mutex_};
     ready_ = true;
     changed_.notify_all();
   });
@@ -32,14 +32,14 @@ ServerOptions TestServer::options(std::vector<const Plugin*> plugins) {
           .listen = {"127.0.0.1"},
           .plugins = std::move(plugins),
           .log = [this](LogLevel, const std::string& text) {
-            const std::lock_guard lock{mutex_};
+            const std::scoped_lock lock{mutex_};
             log_.push_back(text);
             changed_.notify_all();
           }};
 }
 
 std::vector<std::string> TestServer::log() const {
-  const std::lock_guard lock{mutex_};
+  const std::scoped_lock lock{mutex_};
   return log_;
 }
 

@@ -54,7 +54,8 @@ class RawClient {
   /// Connects and takes the banner. `receive_buffer`: of the socket [bytes]; 0: the system's.
   explicit RawClient(std::uint16_t port, int receive_buffer = 0);
   ~RawClient();
-  RawClient(RawClient&& other) noexcept : socket_{std::exchange(other.socket_, -1)}, banner_{other.banner_} {}
+  RawClient(RawClient&& other) noexcept
+      : socket_{std::exchange(other.socket_, -1)}, banner_{std::move(other.banner_)} {}
   RawClient& operator=(RawClient&&) = delete;
 
   [[nodiscard]] const std::string& banner() const { return banner_; }
