@@ -97,7 +97,6 @@ class Mailbox {
   /// Before the threads run. Gives the number of a new lane.
   std::size_t add_lane() {
     lanes_.push_back(std::make_unique<Lane>());
-    newest_.reserve(lanes_.size());
     return lanes_.size() - 1;
   }
 
@@ -149,32 +148,42 @@ class Mailbox {
   };
   struct Lane {
     Latest<Item> newest;
-    Item* held = nullptr;  ///< the consumer's: taken, but newer than what it may see yet
+    Item* held = nullptr;  ///< the consumer's: taken from newest, and not given yet
   };
 
-  /// All up to this number. What is newer waits for the next time: something between may not be visible yet.
+  /// All up to this number: when it was read, everything up to it could be seen. What is newer waits for the next time.
   template <typename Take>
   std::size_t take_until(std::uint64_t until, Take& take) {
-    newest_.clear();
+    std::size_t count = 0;
+    Lane* lane = oldest_lane();
+    while (true) {
+      Item* item = ring_.front();
+      const bool from_lane = lane != nullptr && (item == nullptr || lane->held->number < item->number);
+      if (from_lane) item = lane->held;
+      if (item == nullptr || item->number > until) return count;
+      take(item->value);
+      ++count;
+      if (from_lane) {
+        lane->held = nullptr;
+        lane = oldest_lane();
+      } else {
+        ring_.pop();
+      }
+    }
+  }
+  /// Takes what the lanes have; the one whose item is the oldest. What a lane gets later is newer than what it held.
+  Lane* oldest_lane() {
+    Lane* oldest = nullptr;
     for (const auto& lane : lanes_) {
       if (lane->held == nullptr) lane->held = lane->newest.take();
-      if (lane->held != nullptr && lane->held->number <= until) newest_.push_back(std::exchange(lane->held, nullptr));
+      if (lane->held != nullptr && (oldest == nullptr || lane->held->number < oldest->held->number))
+        oldest = lane.get();
     }
-    std::ranges::sort(newest_, {}, &Item::number);
-    std::size_t count = newest_.size();
-    auto newest = newest_.begin();
-    for (Item* item = ring_.front(); item != nullptr && item->number <= until; item = ring_.front(), ++count) {
-      for (; newest != newest_.end() && (*newest)->number < item->number; ++newest) take((*newest)->value);
-      take(item->value);
-      ring_.pop();
-    }
-    for (; newest != newest_.end(); ++newest) take((*newest)->value);
-    return count;
+    return oldest;
   }
 
   Ring<Item, capacity> ring_;
   std::vector<std::unique_ptr<Lane>> lanes_;
-  std::vector<Item*> newest_;             ///< the consumer's, of one drain()
   std::atomic<std::uint64_t> number_{0};  ///< of the last item that was put
   std::atomic<std::uint64_t> replaced_{0};
   std::atomic<std::uint64_t> refused_{0};
