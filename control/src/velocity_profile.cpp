@@ -32,7 +32,7 @@ Move mirrored(const AxisState& start, const AxisState& goal, double acceleration
 }
 
 struct Cruise {
-  double velocity;
+  double velocity;    ///< in the direction of the axis
   double duration_s;  ///< of the whole move
   double slope_s;     ///< of the duration, over the logarithm of a factor on both limits
 };
@@ -40,14 +40,15 @@ struct Cruise {
 // Up (or down from above the limit) to the cruising velocity u and down to v1. Without a limit the two ramps meet at
 // u² = a d + (v0² + v1²)/2. The five cases of Holtzhausen (away from the goal; speed up; cruise; slow down; too fast)
 // are the signs and zeros of the phases that come out.
-Cruise quickest_cruise(const Move& move, const AxisLimits& limits) {
-  const auto& [distance, v0, v1, sign] = move;
+[[gnu::always_inline]] inline Cruise quickest_cruise(const AxisState& start, const AxisState& goal,
+                                                     const AxisLimits& limits) {
+  const auto [distance, v0, v1, sign] = mirrored(start, goal, limits.acceleration);
   const double a = limits.acceleration;
   const double peak_squared = a * distance + 0.5 * (v0 * v0 + v1 * v1);
   if (peak_squared <= limits.speed * limits.speed) {
-    const double peak = std::max({std::sqrt(std::max(peak_squared, 0.0)), v0, v1});
+    const double peak = std::max(std::sqrt(std::max(peak_squared, 0.0)), std::max(v0, v1));
     const double duration_s = (2 * peak - v0 - v1) / a;
-    return {.velocity = peak, .duration_s = duration_s, .slope_s = distance / (peak + tiny) - duration_s};
+    return {.velocity = sign * peak, .duration_s = duration_s, .slope_s = distance / (peak + tiny) - duration_s};
   }
   const double u = limits.speed;
   const double up = std::abs(u - v0);
@@ -56,8 +57,9 @@ Cruise quickest_cruise(const Move& move, const AxisLimits& limits) {
   const double way = a * distance;
   const double lost = up * (u - v0) + down * (u - v1);
   const double inverse = 1 / (a * u);
-  return {
-      .velocity = u, .duration_s = (way + 0.5 * lost) * inverse, .slope_s = ((up + down) * u - way - lost) * inverse};
+  return {.velocity = sign * u,
+          .duration_s = (way + 0.5 * lost) * inverse,
+          .slope_s = ((up + down) * u - way - lost) * inverse};
 }
 
 /// Beyond the limit in the same direction at both ends.
@@ -87,9 +89,8 @@ AxisProfile::AxisProfile(const AxisState& start, double cruise_velocity, double 
 
 AxisProfile AxisProfile::quickest(const AxisState& start, const AxisState& goal, const AxisLimits& limits) {
   if (rests(start, goal)) return AxisProfile{start.position};
-  const Move move = mirrored(start, goal, limits.acceleration);
-  const Cruise cruise = quickest_cruise(move, limits);
-  return {start, move.sign * cruise.velocity, goal.velocity, limits.acceleration, cruise.duration_s};
+  const Cruise cruise = quickest_cruise(start, goal, limits);
+  return {start, cruise.velocity, goal.velocity, limits.acceleration, cruise.duration_s};
 }
 
 std::optional<AxisProfile> AxisProfile::lasting(double duration_s, const AxisState& start, const AxisState& goal,
@@ -104,24 +105,27 @@ std::optional<AxisProfile> AxisProfile::lasting(double duration_s, const AxisSta
   // distance = ramps(u) + u (duration - time of ramps(u)), solved for the cruising velocity u
   const double reach = a * distance + 0.5 * (v0 * v0 + v1 * v1);
   const double sum = a * duration_s + v0 + v1;
-  // above both velocities: u² - sum u + reach = 0, the smaller root
-  const double above = 2 * reach / (sum + std::sqrt(std::max(sum * sum - 4 * reach, 0.0)));
-  // between them: linear
-  const double between = (distance - ramp_distance(v0, v1, a)) / (duration_s - std::abs(v1 - v0) / a);
-  // below both, even backwards: u² + difference u - dip = 0; a negative discriminant is a duration out of reach
-  const double difference = a * duration_s - v0 - v1;
-  const double dip = a * distance - 0.5 * (v0 * v0 + v1 * v1);
-  const double below = 0.5 * (std::sqrt(difference * difference + 4 * dip) - difference);
   const double rounding = 1e-12 * (1 + std::abs(distance) + (v0 * v0 + v1 * v1) / a);
-  for (const double root : {above, between, below}) {
-    const double u = std::clamp(root, -limits.speed, limits.speed);  // a double root has lost half of its digits
+  const auto lasts = [&](double& u) {
+    u = std::clamp(u, -limits.speed, limits.speed);  // a double root has lost half of its digits
     const double ramps_s = (std::abs(u - v0) + std::abs(v1 - u)) / a;
     const double covered = ramp_distance(v0, u, a) + ramp_distance(u, v1, a) + u * (duration_s - ramps_s);
-    if (ramps_s <= duration_s * (1 + 1e-12) && std::abs(covered - distance) <= rounding) {
-      return AxisProfile{start, sign * u, goal.velocity, a, duration_s};
+    return ramps_s <= duration_s * (1 + 1e-12) && std::abs(covered - distance) <= rounding;
+  };
+  // above both velocities: u² - sum u + reach = 0, the smaller root
+  double u = 2 * reach / (sum + std::sqrt(std::max(sum * sum - 4 * reach, 0.0)));
+  if (!lasts(u)) {
+    // between them: linear
+    u = (distance - ramp_distance(v0, v1, a)) / (duration_s - std::abs(v1 - v0) / a);
+    if (!lasts(u)) {
+      // below both, even backwards: u² + difference u - dip = 0; a negative discriminant is a duration out of reach
+      const double difference = a * duration_s - v0 - v1;
+      const double dip = a * distance - 0.5 * (v0 * v0 + v1 * v1);
+      u = 0.5 * (std::sqrt(difference * difference + 4 * dip) - difference);
+      if (!lasts(u)) return std::nullopt;
     }
   }
-  return std::nullopt;
+  return AxisProfile{start, sign * u, goal.velocity, a, duration_s};
 }
 
 MotionPlan::MotionPlan(const Pose2d& pose)
@@ -215,6 +219,8 @@ struct Translation {
   [[nodiscard]] double duration_s() const { return led.duration_s + x.duration_s(); }
 };
 
+}  // namespace
+
 class SplitSearch {
  public:
   SplitSearch(const Plane& start, const Plane& goal, const MotionLimits& limits, LeadTo lead_to)
@@ -258,9 +264,9 @@ class SplitSearch {
       const double y_s = now.y.duration_s + tiny;
       at_least = std::max(at_least, now.lead_s + std::min(x_s, y_s));
       const double to_gain_s = best_s - at_least;
-      if (to_gain_s <= 1e-9) break;
+      if (to_gain_s <= 5e-8) break;
 
-      const double error = std::log(x_s / y_s);
+      const double error = log_of_ratio(x_s, y_s);
       if (z == (error < 0 ? high : low)) break;  // the goal's velocity forbids to go on
       (error < 0 ? low : high) = z;
       (error < 0 ? low_known : high_known) = true;
@@ -294,12 +300,15 @@ class SplitSearch {
 
   /// The published split: α halved from 45° towards the axis that ends later, until they end within a millisecond.
   [[nodiscard]] Split published() const {
-    double alpha = std::numbers::pi / 4;
-    Split now = split(std::cos(alpha), std::sin(alpha));
-    for (double step = std::numbers::pi / 8; step > 1e-7; step /= 2) {
-      if (std::abs(now.x.duration_s - now.y.duration_s) < 1e-3) break;
-      alpha += now.x.duration_s > now.y.duration_s ? -step : step;
-      now = split(std::cos(alpha), std::sin(alpha));
+    double cosine_of_step = std::sqrt(0.5);
+    double sine_of_step = cosine_of_step;
+    Split now = split(cosine_of_step, sine_of_step);
+    while (sine_of_step > 1e-7 && std::abs(now.x.duration_s - now.y.duration_s) >= 1e-3) {
+      const double twice = 2 * std::sqrt(0.5 * (1 + cosine_of_step));  // the cosine of half the step
+      sine_of_step /= twice;
+      cosine_of_step = 0.5 * twice;
+      const double turned = now.x.duration_s > now.y.duration_s ? -sine_of_step : sine_of_step;
+      now = split(now.cosine * cosine_of_step - now.sine * turned, now.sine * cosine_of_step + now.cosine * turned);
     }
     return now;
   }
@@ -316,9 +325,10 @@ class SplitSearch {
     const auto earlier = x_is_later ? AxisProfile::lasting(split.x.duration_s, y, goal_.y, y_limits)
                                     : AxisProfile::lasting(split.y.duration_s, x, goal_.x, x_limits);
     if (!earlier) return std::nullopt;
-    const Translation together{.led = led,
-                               .x = x_is_later ? AxisProfile::quickest(x, goal_.x, x_limits) : *earlier,
-                               .y = x_is_later ? *earlier : AxisProfile::quickest(y, goal_.y, y_limits)};
+    const AxisProfile later =
+        x_is_later ? AxisProfile{x, split.x.velocity, goal_.x.velocity, x_limits.acceleration, split.x.duration_s}
+                   : AxisProfile{y, split.y.velocity, goal_.y.velocity, y_limits.acceleration, split.y.duration_s};
+    const Translation together{.led = led, .x = x_is_later ? later : *earlier, .y = x_is_later ? *earlier : later};
     const bool within_shares = std::max(std::abs(x.velocity), std::abs(goal_.x.velocity)) <= x_limits.speed &&
                                std::max(std::abs(y.velocity), std::abs(goal_.y.velocity)) <= y_limits.speed;
     if (within_shares) return together;
@@ -359,6 +369,13 @@ class SplitSearch {
     return {.speed = speed_ * share, .acceleration = acceleration_ * share};
   }
 
+  /// log(a / b), ever more roughly beyond a factor of two: a step of the search needs no exact one.
+  static double log_of_ratio(double a, double b) {
+    const double f = (a - b) / (a + b);  // log = 2 artanh f
+    const double squared = f * f;
+    return 2 * f * (1 + squared * (1.0 / 3 + squared * (1.0 / 5 + squared * (1.0 / 7))));
+  }
+
   static double other_leg(double hypotenuse, double leg) {
     return std::sqrt(std::max((hypotenuse - leg) * (hypotenuse + leg), 0.0));
   }
@@ -382,7 +399,7 @@ class SplitSearch {
 
   static Cruise cruise(const AxisState& start, const AxisState& goal, const AxisLimits& limits) {
     if (rests(start, goal)) return {};
-    return quickest_cruise(mirrored(start, goal, limits.acceleration), limits);
+    return quickest_cruise(start, goal, limits);
   }
 
   const Plane& start_;
@@ -391,6 +408,8 @@ class SplitSearch {
   double acceleration_;
   LeadTo to_;
 };
+
+namespace {
 
 // The published split first. When the start is too fast for one axis's share, it may speed up beyond the vector limit:
 // then the velocity is first taken into the shares, in a straight line, which keeps both limits. A goal in motion

@@ -65,6 +65,8 @@ class AxisProfile {
   [[nodiscard]] std::array<double, 3> switches_s() const { return {cruise_from_s_, cruise_until_s_, end_s_}; }
 
  private:
+  friend class SplitSearch;
+
   AxisProfile(const AxisState& start, double cruise_velocity, double final_velocity, double acceleration,
               double duration_s);
 
