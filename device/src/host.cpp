@@ -572,6 +572,10 @@ Result<> DriverHost::try_open() {
   return {};
 }
 
+void DriverHost::descriptor_left_dead(int descriptor) {
+  fault("its descriptor " + std::to_string(descriptor) + " hung up (unplugged, or closed by the other end)");
+}
+
 void DriverHost::close_if_unused() {
   if (!open_ || wanted()) return;
   halt();

@@ -72,6 +72,8 @@ class DriverHost {
   Time cycle(Time now, bool descriptor_ready = false);
   /// Bring everything to rest, tell why, and close.
   void shut_down(Time now);
+  /// The other end of one of its descriptors is gone, and read() left it so: a fault.
+  void descriptor_left_dead(int descriptor);
   /// Wake everybody who is joined.
   void notify_users() const;
   [[nodiscard]] std::span<const int> descriptors() const;
