@@ -244,6 +244,7 @@ void DriverHost::process_command(Channel& channel, Inbound& inbound) {
     }
     if (!handler) return Error{std::errc::not_supported, "driver \"" + name_ + "\" does not take this command"};
     MotionGroup& group = state.groups[state.group_of[command.index()]];
+    if (group.displaces(command)) tell_driver(state, port);
     if (Result<> taken = group.command(inbound.session, identity(inbound.session), command, inbound.arrived, now_);
         !taken) {
       return taken.error();
@@ -514,12 +515,23 @@ void DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
 }
 
 void DriverHost::tell_driver(PortState& state, PortCore& port) {
+  // The way to rest of an array is told joint by joint where the driver takes nothing else.
+  constexpr std::size_t one_joint = AnyCommand{std::in_place_type<actarray::SpeedCommand>}.index();
+  const auto every_joint = [](const AnyCommand* command) {
+    const auto* all = std::get_if<actarray::MultiSpeedCommand>(command);
+    return all == nullptr ? nullptr : &all->speeds;
+  };
   for (MotionGroup& group : state.groups) {
-    const AnyCommand* command = group.step(now_, port.velocity);
+    const AnyCommand* command = group.step(now_, port.last);
     const bool must_halt = group.take_halt_request();
     if (!open_) continue;
     if (command != nullptr && port.commands[command->index()]) {
       call_handler(port, *command);
+    } else if (const auto* speeds = every_joint(command); speeds != nullptr && port.commands[one_joint]) {
+      for (std::size_t joint = 0; joint < speeds->size() && open_; ++joint) {
+        call_handler(port,
+                     actarray::SpeedCommand{.joint = static_cast<std::int32_t>(joint), .speed = (*speeds)[joint]});
+      }
     } else if (must_halt || command != nullptr) {
       halt();
     }

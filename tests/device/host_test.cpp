@@ -46,6 +46,9 @@ class Robot final : public Driver {
       return {};
     });
     arm.on<actarray::MultiSpeedCommand>([this](const actarray::MultiSpeedCommand& c) { joints = c.speeds.size(); });
+    arm.on<actarray::SpeedCommand>([this](const actarray::SpeedCommand& c) {
+      log.push_back("joint " + std::to_string(c.joint) + ' ' + std::to_string(c.speed).substr(0, 4));
+    });
     gain.on_change([this] { may_throw("property"); });
   }
 
@@ -316,6 +319,34 @@ TEST(DriverHost, tells_set_points_once_a_cycle_and_every_edge) {
   bench.cycle();
   EXPECT_EQ(bench.driver->take_log(), (Log{"kick", "kick", "kick", "velocity 0.90"}));
   EXPECT_EQ(bench.host->metrics().commands, 13);
+}
+
+TEST(DriverHost, tells_each_joint_its_newest_set_point) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe(arm));
+  bench.driver->take_log();
+  for (const auto& [joint, speed] : {std::pair{0, 1.F}, {0, 2.F}, {1, 3.F}, {1, 4.F}}) {
+    bench.command(arm, actarray::SpeedCommand{.joint = joint, .speed = speed});
+  }
+  bench.cycle();
+  EXPECT_EQ(bench.driver->take_log(), (Log{"joint 0 2.00", "joint 1 4.00"}));
+}
+
+TEST(DriverHost, ramps_an_array_down_joint_by_joint_when_the_driver_takes_nothing_else) {
+  Bench bench{{.motion = {{}, {}, {.ramp = 10}}}};
+  bench.host->ports()[arm].commands[AnyCommand{actarray::MultiSpeedCommand{}}.index()] = nullptr;
+  bench.driver->joint_states.actuators = {{.speed = 1}, {.speed = 2}};
+  ASSERT_TRUE(bench.subscribe(arm));
+  bench.command(arm, actarray::SpeedCommand{.joint = 1, .speed = 2});
+  bench.run(20ms);
+  bench.driver->take_log();
+  ASSERT_TRUE(bench.answer(arm, player::Stop{}));
+  bench.run(100ms);
+  const Log log = bench.driver->take_log();
+  ASSERT_GE(log.size(), 4);
+  EXPECT_EQ((Log{log.begin(), log.begin() + 4}), (Log{"joint 0 1.00", "joint 1 2.00", "joint 0 0.80", "joint 1 1.80"}));
+  bench.run(200ms);
+  EXPECT_EQ(bench.driver->take_log().back(), "joint 1 0.00");
 }
 
 TEST(DriverHost, tells_a_set_point_before_a_later_request_of_its_port) {

@@ -5,6 +5,7 @@
 #include <regista/core/time.hpp>
 #include <regista/device/ring.hpp>
 #include <regista/interfaces/messages.hpp>
+#include <vector>
 
 namespace regista {
 
@@ -46,6 +47,12 @@ struct Sample {
   std::size_t port = 0;
   Time measured;
   AnyData data;
+};
+
+/// What the last data of a device say of its motion: where a stop ramps from.
+struct Measured {
+  BodyVelocity velocity{};      ///< of a position2d; of a position1d in x [m/s or rad/s]
+  std::vector<float> speeds{};  ///< of an actarray's joints [m/s or rad/s]; empty: not known
 };
 
 struct Reply {

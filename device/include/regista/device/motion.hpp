@@ -49,9 +49,11 @@ class MotionGroup {
   /// The driver works again.
   void recovered();
 
-  /// `velocity`: what the device does now, where a stop from a destination ramps from.
   /// What to tell the driver now; null: nothing new. Valid until the next call.
-  const AnyCommand* step(Time now, const BodyVelocity& velocity);
+  /// `measured`: what the device does, where a stop ramps from when no set-point says so.
+  const AnyCommand* step(Time now, const Measured& measured);
+  /// Whether the driver must first be told what waits: `command` is for another joint, and would take its place.
+  [[nodiscard]] bool displaces(const AnyCommand& command) const;
   /// `halt()` is needed: a stop of something that no set-point can stop.
   bool take_halt_request() { return std::exchange(halt_requested_, false); }
 
