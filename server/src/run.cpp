@@ -66,16 +66,16 @@ void Server::Impl::accept(asio::ip::tcp::socket socket) {
   asio::error_code error;
   const auto remote = socket.remote_endpoint(error);
   if (error) return;  // gone already
+  const Time now = Clock::now();
+  if (!connection_limiter_.admit(remote.address(), now)) {
+    ++connections_refused_;
+    return turn_away(std::move(socket), "Player v. refused: too often",
+                     "more than " + std::to_string(connection_limiter_.rate()) + " connections a second", now);
+  }
   if (sessions_.size() >= max_clients_) {
     ++sessions_refused_;
-    log(LogLevel::warning, "client " + remote.address().to_string() + " refused: max_clients " +
-                               std::to_string(max_clients_) + " reached");
-    std::array<char, xdr::banner_size> refusal{};
-    const std::string text = "Player v. refused: max_clients";
-    std::ranges::copy(text, refusal.begin());
-    socket.non_blocking(true, error);
-    socket.write_some(asio::buffer(refusal), error);
-    return;
+    return turn_away(std::move(socket), "Player v. refused: max_clients",
+                     "max_clients " + std::to_string(max_clients_) + " reached", now);
   }
   while (last_session_ + 1 >= first_driver_session || sessions_.contains(last_session_ + 1) || last_session_ + 1 == 0) {
     last_session_ = (last_session_ + 1) % first_driver_session;
@@ -88,6 +88,18 @@ void Server::Impl::accept(asio::ip::tcp::socket socket) {
   static_assert(text.size() < banner.size());
   std::ranges::copy(text, banner.begin());
   session->start({banner.data(), banner.size()});
+}
+
+void Server::Impl::turn_away(asio::ip::tcp::socket socket, std::string_view banner, const std::string& why, Time now) {
+  asio::error_code error;
+  std::array<char, xdr::banner_size> refusal{};
+  std::ranges::copy(banner, refusal.begin());
+  if (const auto untold = refusals_.admit(now)) {
+    log(LogLevel::warning, "client " + socket.remote_endpoint(error).address().to_string() + " refused: " + why +
+                               (*untold > 0 ? " (" + std::to_string(*untold) + " more before)" : ""));
+  }
+  socket.non_blocking(true, error);
+  socket.write_some(asio::buffer(refusal), error);
 }
 
 void Server::Impl::housekeep() {

@@ -101,8 +101,13 @@ ordered_json Server::Impl::status(Time now) const {
                          {"up_replaced", hosted.link->up.replaced()}}},
                        {"devices", std::move(devices)}});
   }
-  return {{"version", REGISTA_VERSION}, {"uptime_s", seconds(now - started_)}, {"clients_refused", sessions_refused_},
-          {"data_dropped", dropped},    {"clients", std::move(clients)},       {"drivers", std::move(drivers)}};
+  return {{"version", REGISTA_VERSION},
+          {"uptime_s", seconds(now - started_)},
+          {"clients_refused", sessions_refused_},
+          {"connections_refused", connections_refused_},
+          {"data_dropped", dropped},
+          {"clients", std::move(clients)},
+          {"drivers", std::move(drivers)}};
 }
 
 std::string Server::Impl::metrics(Time now) const {

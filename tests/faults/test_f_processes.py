@@ -79,17 +79,58 @@ with Server(pathlib.Path({str(tmp_path)!r})) as server:
     print("closed", time.monotonic() - cut)
     print(server.log())
 """
-    command = ["unshare", "--map-root-user", "--net", sys.executable, "-c", inner]
+    printed = in_namespace(inner)
+    stop = float(re.search(r"stop (\S+)", printed)[1])
+    closed = float(re.search(r"closed (\S+)", printed)[1])
+    print(f"f02_stop: {1e3 * stop:.1f} ms; connection closed {closed:.1f} s after")
+    assert 0.4 <= stop < 0.5 + 0.01 + 0.02 + NOISE
+    assert closed < 8
+    assert re.search(r"position2d:0 stopped: no command for \d+ ms \(lease 500 ms\)", printed)
+
+
+def test_connections_come_too_fast(tmp_path):
+    """20 a second from an address that is not loopback: in a network namespace, whose `lo` has another address, too."""
+    inner = f"""
+import fcntl, json, socket, struct, sys, time, pathlib
+sys.path.insert(0, {FOLDER!r})
+from regista_process import *
+OTHER = "10.7.0.1"
+def set_up(request, name, value):
+    with socket.socket() as s:
+        fcntl.ioctl(s, request, struct.pack("16s16s", name, value))
+set_up(0x8914, b"lo", struct.pack("h", 0x49))  # SIOCSIFFLAGS: up, running
+set_up(0x8916, b"lo:1", struct.pack("hH4s", socket.AF_INET, 0, socket.inet_aton(OTHER)))  # SIOCSIFADDR
+with Server(pathlib.Path({str(tmp_path)!r}), options=["--listen", OTHER]) as server:
+    sockets, banners = [], []
+    begin = time.monotonic()
+    for _ in range(100):
+        sockets.append(socket.create_connection((OTHER, server.port), 10))
+        banners.append(sockets[-1].recv(32))
+    allowed = 20 * (1 + time.monotonic() - begin)
+    refused = sum(banner.startswith(b"Player v. refused: too often") for banner in banners)
+    assert 20 <= 100 - refused <= allowed + 1, (refused, allowed)
+    assert all(b"refused" not in banner for banner in banners[:20])
+    clients = [Client(server.port) for _ in range(100)]  # over loopback
+    assert all(b"refused" not in client.banner for client in clients)
+    status = clients[0].ask(1, 0, 106)[5]
+    assert json.loads(status[8:].split(b"\\0")[0])["connections_refused"] == refused, status[:200]
+    time.sleep(0.1)  # after which one more is allowed
+    assert b"refused" not in socket.create_connection((OTHER, server.port), 10).recv(32)
+    lines = [line for line in server.log().splitlines() if "more than 20 connections a second" in line]
+    assert len(lines) == 1, "one in five seconds"
+    assert f"client {{OTHER}} refused: more than 20 connections a second" in lines[0]
+"""
+    in_namespace(inner)
+
+
+def in_namespace(program):
+    """Run it where the network is nobody else's; what it printed."""
+    command = ["unshare", "--map-root-user", "--net", sys.executable, "-c", program]
     if subprocess.run([*command[:3], "true"], check=False, capture_output=True).returncode != 0:
         pytest.skip("no network namespaces here")
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
-    stop = float(re.search(r"stop (\S+)", done.stdout)[1])
-    closed = float(re.search(r"closed (\S+)", done.stdout)[1])
-    print(f"f02_stop: {1e3 * stop:.1f} ms; connection closed {closed:.1f} s after")
-    assert 0.4 <= stop < 0.5 + 0.01 + 0.02 + NOISE
-    assert closed < 8
-    assert re.search(r"position2d:0 stopped: no command for \d+ ms \(lease 500 ms\)", done.stdout)
+    return done.stdout
 
 
 def test_f03_commanding_client_hangs(tmp_path):
