@@ -108,6 +108,7 @@ class Server::Impl final : public SessionOwner {
   void serve_metrics(asio::ip::tcp::socket socket);
   void housekeep();
   void check_sessions(Time now);
+  void watch_wall_clock();
   void watch(Hosted& hosted, Time now);
   void begin_shutdown();
   void finish_shutdown_if_done();
@@ -148,6 +149,8 @@ class Server::Impl final : public SessionOwner {
   Time started_{};
   Time watchdog_kicked_{};
   Time sessions_checked_{};
+  std::optional<Duration> wall_offset_;  ///< of the wall clock from the monotonic one
+  Throttle wall_clock_jumps_{std::chrono::seconds{5}};
   std::optional<Time> shutting_down_since_;
   bool all_stopped_ = false;
   AnyCommand command_;              ///< scratch, so that its memory is used again

@@ -107,6 +107,7 @@ void Server::Impl::housekeep() {
   if (now - sessions_checked_ > session_tick) {
     sessions_checked_ = now;
     check_sessions(now);
+    watch_wall_clock();
   }
   for (Hosted& hosted : drivers_) {
     deliver_undelivered(hosted);
@@ -143,6 +144,23 @@ void Server::Impl::check_sessions(Time now) {
   if (pending > max_pending_)
     largest->close("the server holds " + std::to_string(pending >> 20) +
                    " MiB for clients (max_pending), most for this one");
+}
+
+void Server::Impl::watch_wall_clock() {
+  const Time before = Clock::now();
+  const auto wall = std::chrono::system_clock::now().time_since_epoch();
+  const Time after = Clock::now();
+  if (after - before > 1ms) return;  // interrupted between the two
+  const Duration offset = wall - before.time_since_epoch();
+  const Duration jump = offset - std::exchange(wall_offset_, offset).value_or(offset);
+  constexpr Duration least_jump = 100ms;  // what is less is slewed, by half a millisecond a second
+  if (std::chrono::abs(jump) < least_jump) return;
+  if (const auto untold = wall_clock_jumps_.admit(after)) {
+    event(1, "the wall clock jumped " + std::to_string(std::chrono::abs(jump) / 1ms) +
+                 (jump > Duration{} ? " ms ahead" : " ms back") +
+                 (*untold > 0 ? " (" + std::to_string(*untold) + " more before)" : "") +
+                 "; leases, time-outs and the stamps of data follow the monotonic clock");
+  }
 }
 
 void Server::Impl::watch(Hosted& hosted, Time now) {

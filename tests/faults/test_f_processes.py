@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults of whole processes. Stop times come from the driver's own record, on the clock that Python calls monotonic."""
 
+import json
 import os
 import re
 import resource
@@ -218,7 +219,7 @@ SHIM = r"""
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <time.h>
-/* The wall clock jumps by an hour, back and forth, every 100 ms of the monotonic clock. */
+/* The wall clock jumps by an hour: back and forth every 100 ms of the monotonic clock, or once a second after start. */
 int clock_gettime(clockid_t clock, struct timespec* time) {
   static int (*real)(clockid_t, struct timespec*);
   if (!real) real = (int (*)(clockid_t, struct timespec*))dlsym(RTLD_NEXT, "clock_gettime");
@@ -226,20 +227,46 @@ int clock_gettime(clockid_t clock, struct timespec* time) {
   if (clock == CLOCK_REALTIME) {
     struct timespec steady;
     real(CLOCK_MONOTONIC, &steady);
+#ifdef ONCE
+    static long start;
+    if (!start) start = steady.tv_sec;
+    time->tv_sec += steady.tv_sec > start + 1 ? 3600 : 0;
+#else
     time->tv_sec += steady.tv_nsec / 100000000 % 2 ? 3600 : -3600;
+#endif
   }
   return result;
 }
 """
 
 
+def jumping_clock(folder, *flags):
+    source = folder / "shim.c"
+    source.write_text(SHIM)
+    shim = folder / "shim.so"
+    subprocess.run(["cc", "-shared", "-fPIC", *flags, "-o", shim, source, "-ldl"], check=True)
+    return {**os.environ, "LD_PRELOAD": str(shim)}
+
+
+@pytest.mark.skipif("san" in str(SERVER), reason="a sanitizer wants to be loaded first")
+def test_f19_wall_clock_jumps_once(tmp_path):
+    with Server(tmp_path, env=jumping_clock(tmp_path, "-DONCE"), options=["--json-log"]) as server:
+        client = Client(server.port)
+        assert client.ask(1, 0, 100)[2] == ACK  # the extension: events
+        while b"wall clock" not in (event := client.receive())[5]:
+            pass
+        text = b"ms ahead; leases, time-outs and the stamps of data follow the monotonic clock"
+        assert text in event[5]
+        lines = wait_for(lambda: [json.loads(line) for line in server.log().splitlines() if "jumped" in line])
+        assert len(lines) == 1
+        assert abs(int(re.search(r"jumped (\d+) ms ahead", lines[0]["message"])[1]) - 3600_000) < 100
+        assert abs(lines[0]["monotonic_s"] - time.monotonic()) < 5
+        client.close()
+
+
 @pytest.mark.skipif("san" in str(SERVER), reason="a sanitizer wants to be loaded first")
 def test_f19_wall_clock_jumps(tmp_path):
-    source = tmp_path / "shim.c"
-    source.write_text(SHIM)
-    shim = tmp_path / "shim.so"
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", shim, source, "-ldl"], check=True)
-    with Server(tmp_path, env={**os.environ, "LD_PRELOAD": str(shim)}) as server:
+    with Server(tmp_path, env=jumping_clock(tmp_path)) as server:
         client = Client(server.port)
         client.open()
         last = None
@@ -253,6 +280,9 @@ def test_f19_wall_clock_jumps(tmp_path):
         stop = server.rested(driven + 1e-6) - driven
         print(f"f19_stop: {1e3 * stop:.1f} ms")
         assert 0.4 <= stop < 0.5 + 0.01 + NOISE
+        told = [line for line in server.log().splitlines() if "the wall clock jumped" in line]
+        assert len(told) == 1, "one in five seconds"
+        assert re.match(r"\[\d{4}-.*\] \[warning\] \[\d+\.\d{6}\] the wall clock jumped 7[12]\d{5} ms ", told[0])
         client.close()
 
 
