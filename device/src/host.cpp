@@ -14,7 +14,9 @@ using namespace std::chrono_literals;
 
 constexpr Duration first_back_off = 1s;  // then doubled, up to the longest
 constexpr Duration longest_back_off = 30s;
-constexpr Duration refusal_interval = 5s;
+// [commands] Within `flood_interval`: so many that had no effect are a flood, fewer are a hiccup.
+constexpr std::uint64_t least_flood = 500;
+constexpr Duration flood_interval = 5s;
 // Without a beat of its own a driver's leases and ramps are looked after at this period.
 constexpr Duration motion_period = 10ms;
 // [items] Of a link whose user does not take them; the answers to one full queue of requests are let in anyway.
@@ -36,6 +38,8 @@ void for_each_alternative(Visit&& visit) {
 }
 
 constexpr std::size_t no_lane = Mailbox<Inbound, 256>::no_lane;
+
+std::string more_before(std::uint64_t count) { return count > 0 ? " (" + std::to_string(count) + " more before)" : ""; }
 
 void increment(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);  // one writer
@@ -194,6 +198,7 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
 
   if (!open_ && wanted() && now >= retry_at_) (void)try_open();
   run_motion();
+  warn_of_flood();
   if (open_ && !just_opened_ && (descriptor_ready || now >= next_beat_)) beat();
   publish_changed_motion();
   for (RequiredCore& device : setup_->required) attend(device, open_);
@@ -264,15 +269,11 @@ void DriverHost::process_command(Channel& channel, Inbound& inbound) {
 void DriverHost::refuse(std::size_t port, const Error& error) {
   increment(metrics_.commands_refused);
   PortState& state = states_[port];
-  if (now_ - state.refusal_told < refusal_interval && state.refusal_told != Time{}) {
-    ++state.refusals_untold;
-    return;
-  }
-  std::string text = title(setup_->ports[port]) + " refused: " + (error.what.empty() ? error.message() : error.what);
-  if (state.refusals_untold > 0) text += " (" + std::to_string(state.refusals_untold) + " more before)";
-  state.refusals_untold = 0;
-  state.refusal_told = now_;
-  broadcast(port, 1, text);
+  const auto untold = state.refusals.admit(now_);
+  if (!untold) return;
+  broadcast(port, 1,
+            title(setup_->ports[port]) + " refused: " + (error.what.empty() ? error.message() : error.what) +
+                more_before(*untold));
 }
 
 void DriverHost::process_request(Channel& channel, Inbound& inbound) {
@@ -536,6 +537,7 @@ void DriverHost::tell_driver(PortState& state, PortCore& port) {
       halt();
     }
     increment(metrics_.commands_clamped, group.take_clamped());
+    increment(metrics_.commands_replaced, group.take_replaced());
   }
 }
 
@@ -543,15 +545,38 @@ void DriverHost::run_motion() {
   for (PortCore& port : setup_->ports) tell_driver(states_[port.number], port);
 }
 
+/// Set-points coalesce, which is as it should be; that a client sends them by the thousand is not.
+void DriverHost::warn_of_flood() {
+  std::uint64_t replaced = metrics_.commands_replaced.load(std::memory_order_relaxed);
+  for (const Channel& channel : channels_) replaced += channel.link.down.replaced();
+  const std::uint64_t fresh = replaced - flood_counted_;
+  const bool flood = fresh >= least_flood;
+  if (flood ? flood_told_ && now_ - *flood_told_ < flood_interval : now_ - flood_since_ < flood_interval) return;
+  if (flood) {
+    flood_told_ = now_;
+    broadcast(0, 1,
+              "driver \"" + name_ + "\": " + std::to_string(fresh) + " commands in " +
+                  std::to_string((now_ - flood_since_) / 1ms) + " ms were replaced by newer ones before it took them");
+  }
+  flood_since_ = now_;
+  flood_counted_ = replaced;
+}
+
 void DriverHost::beat() {
   const bool on_time = now_ >= next_beat_;
   if (on_time) {
-    metrics_.jitter.add(now_ - next_beat_);
+    const Duration late = now_ - next_beat_;
+    metrics_.jitter.add(late);
     increment(metrics_.beats);
     next_beat_ += period_;
     if (next_beat_ <= now_) {  // skip what was missed, stay on the grid
       const auto missed = (now_ - next_beat_) / period_ + 1;
       increment(metrics_.beats_missed, static_cast<std::uint64_t>(missed));
+      if (const auto untold = missed_deadlines_.admit(now_)) {
+        broadcast(
+            0, 1,
+            "driver \"" + name_ + "\": deadline missed: " + std::to_string(late / 1ms) + " ms" + more_before(*untold));
+      }
       next_beat_ += missed * period_;
     }
   }

@@ -254,6 +254,7 @@ Result<> MotionGroup::command(SessionId session, const Identity& who, const AnyC
   }
   heard_ = arrived;
   if (is_edge(command)) return {};
+  if (std::exchange(untold_, true)) ++replaced_;
   target_ = command;
   clamp(target_);
   if (state_ == MotionState::stopping && taken_over_) {
@@ -397,11 +398,14 @@ bool MotionGroup::displaces(const AnyCommand& command) const {
 }
 
 const AnyCommand* MotionGroup::step(Time now, const Measured& measured) {
+  untold_ = false;
   if (next_output_) output_ = *std::exchange(next_output_, std::nullopt);
   if (lapses() && now - heard_ > policy_.lease) {
     if (state_ == MotionState::driving) {
+      // Whoever wrote a program for Player did not know of leases.
+      const char* hint = owner_ && !owner_->who.extended ? "; repeat it, see docs/policies.md#motion" : "";
       begin_stop((destination() ? "no sign of life for " : "no command for ") + milliseconds(now - heard_) +
-                     " (lease " + milliseconds(policy_.lease) + ')',
+                     " (lease " + milliseconds(policy_.lease) + ')' + hint,
                  false, now);
     } else {
       owner_.reset();

@@ -92,6 +92,7 @@ ordered_json Server::Impl::status(Time now) const {
                        {"commands", metrics.commands.load()},
                        {"commands_refused", metrics.commands_refused.load()},
                        {"commands_clamped", metrics.commands_clamped.load()},
+                       {"commands_replaced", metrics.commands_replaced.load() + hosted.link->down.replaced()},
                        {"requests", metrics.requests.load()},
                        {"queues",
                         {{"down", hosted.link->down.size()},

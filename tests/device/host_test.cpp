@@ -503,6 +503,44 @@ TEST(DriverHost, tells_refusals_once_in_five_seconds_with_a_count) {
   EXPECT_EQ(bench.events[1], bench.events[0] + " (99 more before)");
 }
 
+TEST(DriverHost, warns_of_a_flood_once_in_five_seconds_with_a_count) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  bench.driver->write_down = false;
+  bench.events.clear();
+  const auto flood = [&](int each_beat, Duration length) {
+    for (const Time end = bench.now + length; bench.now < end;) {
+      for (int i = 0; i < each_beat; ++i) bench.drive(1);
+      bench.run(20ms);
+    }
+  };
+  flood(2, 60s);
+  EXPECT_EQ(bench.events, Log{}) << "a hiccup";
+  flood(1001, 1s);
+  ASSERT_EQ(bench.events.size(), 1);
+  flood(1001, 8s);
+  ASSERT_EQ(bench.events.size(), 2);
+  EXPECT_EQ(bench.events[1],
+            "driver \"robot\": 250000 commands in 5000 ms were replaced by newer ones before it took them");
+  EXPECT_EQ(bench.host->metrics().commands_replaced + bench.link->down.replaced(), 3000 + 450 * 1000);
+}
+
+TEST(DriverHost, tells_missed_deadlines_once_in_five_seconds_with_a_count) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  bench.run(100ms);
+  bench.events.clear();
+  bench.cycle(bench.due + 19ms - bench.now);
+  EXPECT_EQ(bench.events, Log{}) << "late, but not missed";
+  bench.cycle(bench.due + 37ms - bench.now);
+  EXPECT_EQ(bench.events, Log{"driver \"robot\": deadline missed: 37 ms"});
+  for (int i = 0; i < 12; ++i) bench.cycle(bench.due + 21ms - bench.now);
+  EXPECT_EQ(bench.events.size(), 1);
+  bench.run(5s);
+  bench.cycle(bench.due + 99ms - bench.now);
+  EXPECT_EQ(bench.last_event(), "driver \"robot\": deadline missed: 99 ms (12 more before)");
+}
+
 TEST(DriverHost, refuses_commands_of_who_is_not_subscribed) {
   Bench bench;
   ASSERT_TRUE(bench.subscribe());

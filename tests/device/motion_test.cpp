@@ -117,11 +117,20 @@ TEST(Motion, stops_when_its_lease_runs_out) {
   EXPECT_EQ(s.motion.due(Time::max()), Time{10s} + 500ms + 1ns);
   s.step(12ms);
   EXPECT_EQ(s.velocity().x, 0);
-  EXPECT_EQ(s.last_told(), "position2d:0 stopped: no command for 512 ms (lease 500 ms)");
-  EXPECT_EQ(s.motion.status().reason.view(), "no command for 512 ms (lease 500 ms)");
+  const std::string reason = "no command for 512 ms (lease 500 ms); repeat it, see docs/policies.md#motion";
+  EXPECT_EQ(s.last_told(), "position2d:0 stopped: " + reason);
+  EXPECT_EQ(s.motion.status().reason.view(), reason);
   EXPECT_EQ(s.state(), MotionState::stopped);
   EXPECT_EQ(s.owner(), "");
   EXPECT_EQ(s.motion.due(Time::max()), Time::max());
+}
+
+TEST(Motion, tells_where_leases_are_explained_to_those_who_cannot_know) {
+  Story s;
+  ASSERT_TRUE(s.command(carol, drive(1)));  // extended
+  s.step();
+  s.step(512ms);
+  EXPECT_EQ(s.last_told(), "position2d:0 stopped: no command for 512 ms (lease 500 ms)");
 }
 
 TEST(Motion, counts_a_lease_from_the_arrival_of_the_command) {

@@ -427,6 +427,11 @@ def test_f34_starved_of_the_processor(tmp_path):
             quantiles("f34_stop", stops)
             assert min(stops) >= 0.4
             assert max(stops) < 0.5 + 2 * 0.01 + 2 * NOISE
+            status = client.ask(1, 0, 106)[5]
+            missed = json.loads(status[8:].split(b"\0")[0])["drivers"][0]["beats_missed"]
+            print(f"f34: {missed} beats missed")
+            if missed > 0:
+                wait_for(lambda: re.search(r'driver "fake_base": deadline missed: \d+ ms', server.log()))
             client.close()
     finally:
         for hog in hogs:

@@ -67,6 +67,8 @@ class MotionGroup {
   [[nodiscard]] const std::string& group() const { return group_; }
   /// How many commands were limited since the last call.
   std::uint64_t take_clamped() { return std::exchange(clamped_, 0); }
+  /// How many set-points were replaced by newer ones before the driver was told, since the last call.
+  std::uint64_t take_replaced() { return std::exchange(replaced_, 0); }
   [[nodiscard]] bool driving() const { return state_ == player::MotionState::driving; }
 
  private:
@@ -103,7 +105,9 @@ class MotionGroup {
   bool queued_ = false;                    ///< whose target_ is to be told then
   bool halt_requested_ = false;
   bool changed_ = true;
+  bool untold_ = false;  ///< target_ is new
   std::uint64_t clamped_ = 0;
+  std::uint64_t replaced_ = 0;
 };
 
 }  // namespace regista
