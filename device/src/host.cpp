@@ -472,23 +472,21 @@ void DriverHost::attend(RequiredCore& device, bool open) {
     device.connected = false;
     device.commanded = false;
     if (device.subscription == 0) return;
-    if (device.post(no_lane, AnyRequest{player::Subscribe{.access = player::Access::close}})) device.subscription = 0;
+    if (device.post(AnyRequest{player::Subscribe{.access = player::Access::close}})) device.subscription = 0;
     device.due = now_ + subscription_interval;
     return;
   }
   if (device.subscription != 0 && now_ < device.due) return;
   if (device.connected) {
     device.due = now_ + keep_alive_interval;
-    const AnyCommand alive{player::KeepAlive{}};
-    if (device.commanded) (void)device.post(device.lanes[alive.index()], alive);
+    if (device.commanded) (void)device.command(player::KeepAlive{});
     return;
   }
   device.due = now_ + subscription_interval;
   if (device.waiting.contains(device.subscription)) return;  // the provider is still opening
   const std::uint32_t number = ++device.requests_sent;
-  const bool asked =
-      device.post(no_lane, Identity{.name = name_, .priority = options_.priority, .extended = true}) &&
-      device.post(no_lane, AnyRequest{player::Subscribe{}}, {.session = device.session, .sequence = number});
+  const bool asked = device.post(Identity{.name = name_, .priority = options_.priority, .extended = true}) &&
+                     device.post(AnyRequest{player::Subscribe{}}, {.session = device.session, .sequence = number});
   if (!asked) return;
   device.subscription = number;
   device.waiting.emplace(number, [&device, number](const Result<AnyReply>& answer) {

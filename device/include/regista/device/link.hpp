@@ -4,6 +4,7 @@
 #include <regista/core/result.hpp>
 #include <regista/core/time.hpp>
 #include <regista/device/ring.hpp>
+#include <regista/device/spares.hpp>
 #include <regista/interfaces/messages.hpp>
 #include <vector>
 
@@ -91,6 +92,7 @@ class Wakeup {
 struct Link {
   Mailbox<Inbound, 256> down;
   Mailbox<Outbound, 256> up;
+  Spares<AnyData> spare_data;    ///< of `up`
   const Wakeup* user = nullptr;  ///< to be notified after something was put up
 };
 

@@ -44,11 +44,7 @@ struct PortCore {
         if (sample == nullptr) sample = &out.emplace<Sample>();
         sample->port = number;
         sample->measured = measured;
-        if (D* old = std::get_if<D>(&sample->data)) {
-          *old = data;  // reuses the memory of its arrays
-        } else {
-          sample->data = data;
-        }
+        link->spare_data.assign(sample->data, data);
       });
     }
   }
