@@ -14,7 +14,9 @@ using namespace std::chrono_literals;
 
 constexpr Duration first_back_off = 1s;  // then doubled, up to the longest
 constexpr Duration longest_back_off = 30s;
-constexpr Duration refusal_interval = 5s;
+// [commands] Within `flood_interval`: so many that had no effect are a flood, fewer are a hiccup.
+constexpr std::uint64_t least_flood = 500;
+constexpr Duration flood_interval = 5s;
 // Without a beat of its own a driver's leases and ramps are looked after at this period.
 constexpr Duration motion_period = 10ms;
 // [items] Of a link whose user does not take them; the answers to one full queue of requests are let in anyway.
@@ -36,6 +38,8 @@ void for_each_alternative(Visit&& visit) {
 }
 
 constexpr std::size_t no_lane = Mailbox<Inbound, 256>::no_lane;
+
+std::string more_before(std::uint64_t count) { return count > 0 ? " (" + std::to_string(count) + " more before)" : ""; }
 
 void increment(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);  // one writer
@@ -194,6 +198,7 @@ Time DriverHost::cycle(Time now, bool descriptor_ready) {
 
   if (!open_ && wanted() && now >= retry_at_) (void)try_open();
   run_motion();
+  warn_of_flood();
   if (open_ && !just_opened_ && (descriptor_ready || now >= next_beat_)) beat();
   publish_changed_motion();
   for (RequiredCore& device : setup_->required) attend(device, open_);
@@ -244,6 +249,7 @@ void DriverHost::process_command(Channel& channel, Inbound& inbound) {
     }
     if (!handler) return Error{std::errc::not_supported, "driver \"" + name_ + "\" does not take this command"};
     MotionGroup& group = state.groups[state.group_of[command.index()]];
+    if (group.displaces(command)) tell_driver(state, port);
     if (Result<> taken = group.command(inbound.session, identity(inbound.session), command, inbound.arrived, now_);
         !taken) {
       return taken.error();
@@ -263,15 +269,11 @@ void DriverHost::process_command(Channel& channel, Inbound& inbound) {
 void DriverHost::refuse(std::size_t port, const Error& error) {
   increment(metrics_.commands_refused);
   PortState& state = states_[port];
-  if (now_ - state.refusal_told < refusal_interval && state.refusal_told != Time{}) {
-    ++state.refusals_untold;
-    return;
-  }
-  std::string text = title(setup_->ports[port]) + " refused: " + (error.what.empty() ? error.message() : error.what);
-  if (state.refusals_untold > 0) text += " (" + std::to_string(state.refusals_untold) + " more before)";
-  state.refusals_untold = 0;
-  state.refusal_told = now_;
-  broadcast(port, 1, text);
+  const auto untold = state.refusals.admit(now_);
+  if (!untold) return;
+  broadcast(port, 1,
+            title(setup_->ports[port]) + " refused: " + (error.what.empty() ? error.message() : error.what) +
+                more_before(*untold));
 }
 
 void DriverHost::process_request(Channel& channel, Inbound& inbound) {
@@ -470,23 +472,21 @@ void DriverHost::attend(RequiredCore& device, bool open) {
     device.connected = false;
     device.commanded = false;
     if (device.subscription == 0) return;
-    if (device.post(no_lane, AnyRequest{player::Subscribe{.access = player::Access::close}})) device.subscription = 0;
+    if (device.post(AnyRequest{player::Subscribe{.access = player::Access::close}})) device.subscription = 0;
     device.due = now_ + subscription_interval;
     return;
   }
   if (device.subscription != 0 && now_ < device.due) return;
   if (device.connected) {
     device.due = now_ + keep_alive_interval;
-    const AnyCommand alive{player::KeepAlive{}};
-    if (device.commanded) (void)device.post(device.lanes[alive.index()], alive);
+    if (device.commanded) (void)device.command(player::KeepAlive{});
     return;
   }
   device.due = now_ + subscription_interval;
   if (device.waiting.contains(device.subscription)) return;  // the provider is still opening
   const std::uint32_t number = ++device.requests_sent;
-  const bool asked =
-      device.post(no_lane, Identity{.name = name_, .priority = options_.priority, .extended = true}) &&
-      device.post(no_lane, AnyRequest{player::Subscribe{}}, {.session = device.session, .sequence = number});
+  const bool asked = device.post(Identity{.name = name_, .priority = options_.priority, .extended = true}) &&
+                     device.post(AnyRequest{player::Subscribe{}}, {.session = device.session, .sequence = number});
   if (!asked) return;
   device.subscription = number;
   device.waiting.emplace(number, [&device, number](const Result<AnyReply>& answer) {
@@ -514,16 +514,28 @@ void DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
 }
 
 void DriverHost::tell_driver(PortState& state, PortCore& port) {
+  // The way to rest of an array is told joint by joint where the driver takes nothing else.
+  constexpr std::size_t one_joint = AnyCommand{std::in_place_type<actarray::SpeedCommand>}.index();
+  const auto every_joint = [](const AnyCommand* command) {
+    const auto* all = std::get_if<actarray::MultiSpeedCommand>(command);
+    return all == nullptr ? nullptr : &all->speeds;
+  };
   for (MotionGroup& group : state.groups) {
-    const AnyCommand* command = group.step(now_, port.velocity);
+    const AnyCommand* command = group.step(now_, port.last);
     const bool must_halt = group.take_halt_request();
     if (!open_) continue;
     if (command != nullptr && port.commands[command->index()]) {
       call_handler(port, *command);
+    } else if (const auto* speeds = every_joint(command); speeds != nullptr && port.commands[one_joint]) {
+      for (std::size_t joint = 0; joint < speeds->size() && open_; ++joint) {
+        call_handler(port,
+                     actarray::SpeedCommand{.joint = static_cast<std::int32_t>(joint), .speed = (*speeds)[joint]});
+      }
     } else if (must_halt || command != nullptr) {
       halt();
     }
     increment(metrics_.commands_clamped, group.take_clamped());
+    increment(metrics_.commands_replaced, group.take_replaced());
   }
 }
 
@@ -531,15 +543,38 @@ void DriverHost::run_motion() {
   for (PortCore& port : setup_->ports) tell_driver(states_[port.number], port);
 }
 
+/// Set-points coalesce, which is as it should be; that a client sends them by the thousand is not.
+void DriverHost::warn_of_flood() {
+  std::uint64_t replaced = metrics_.commands_replaced.load(std::memory_order_relaxed);
+  for (const Channel& channel : channels_) replaced += channel.link.down.replaced();
+  const std::uint64_t fresh = replaced - flood_counted_;
+  const bool flood = fresh >= least_flood;
+  if (flood ? flood_told_ && now_ - *flood_told_ < flood_interval : now_ - flood_since_ < flood_interval) return;
+  if (flood) {
+    flood_told_ = now_;
+    broadcast(0, 1,
+              "driver \"" + name_ + "\": " + std::to_string(fresh) + " commands in " +
+                  std::to_string((now_ - flood_since_) / 1ms) + " ms were replaced by newer ones before it took them");
+  }
+  flood_since_ = now_;
+  flood_counted_ = replaced;
+}
+
 void DriverHost::beat() {
   const bool on_time = now_ >= next_beat_;
   if (on_time) {
-    metrics_.jitter.add(now_ - next_beat_);
+    const Duration late = now_ - next_beat_;
+    metrics_.jitter.add(late);
     increment(metrics_.beats);
     next_beat_ += period_;
     if (next_beat_ <= now_) {  // skip what was missed, stay on the grid
       const auto missed = (now_ - next_beat_) / period_ + 1;
       increment(metrics_.beats_missed, static_cast<std::uint64_t>(missed));
+      if (const auto untold = missed_deadlines_.admit(now_)) {
+        broadcast(
+            0, 1,
+            "driver \"" + name_ + "\": deadline missed: " + std::to_string(late / 1ms) + " ms" + more_before(*untold));
+      }
       next_beat_ += missed * period_;
     }
   }
@@ -570,6 +605,10 @@ Result<> DriverHost::try_open() {
     for (MotionGroup& group : state.groups) group.recovered();
   }
   return {};
+}
+
+void DriverHost::descriptor_left_dead(int descriptor) {
+  fault("its descriptor " + std::to_string(descriptor) + " hung up (unplugged, or closed by the other end)");
 }
 
 void DriverHost::close_if_unused() {

@@ -156,26 +156,40 @@ bool approach(AnyCommand& output, const AnyCommand& target, double step, double 
                     output);
 }
 
+/// Which joint of an array a command is for: -1: all of them; empty: it is for no array.
+std::optional<std::int32_t> joint_of(const AnyCommand& command) {
+  return std::visit(
+      []<typename M>(const M& c) -> std::optional<std::int32_t> {
+        if constexpr (requires { c.joint; }) return c.joint;
+        if (M::message.interface == Actarray::code) return -1;
+        return std::nullopt;
+      },
+      command);
+}
+
 /// The set-point that leads to rest from where `last` had led; the velocities in it are the present ones.
 /// Empty: none does, the driver must halt.
-std::optional<AnyCommand> way_to_rest(const AnyCommand& last, const BodyVelocity& velocity) {
-  return std::visit(
-      Overloaded{
-          [&](const position2d::PositionCommand&) -> std::optional<AnyCommand> {
-            return position2d::VelocityCommand{.velocity = velocity};
-          },
-          [](const position1d::PositionCommand&) -> std::optional<AnyCommand> { return position1d::VelocityCommand{}; },
-          [](const actarray::PositionCommand&) -> std::optional<AnyCommand> {
-            return actarray::SpeedCommand{.joint = -1};
-          },
-          [](const actarray::MultiPositionCommand&) -> std::optional<AnyCommand> {
-            return actarray::SpeedCommand{.joint = -1};
-          },
-          [](const planner::GoalCommand&) -> std::optional<AnyCommand> { return std::nullopt; },
-          [](const planner::StartCommand&) -> std::optional<AnyCommand> { return std::nullopt; },
-          [](const auto& same) -> std::optional<AnyCommand> { return AnyCommand{same}; },
-      },
-      last);
+std::optional<AnyCommand> way_to_rest(const AnyCommand& last, const Measured& measured) {
+  // A command for one joint says nothing of the others, which may move since an earlier one.
+  const auto joints = [&]() -> std::optional<AnyCommand> {
+    if (measured.speeds.empty()) return actarray::SpeedCommand{.joint = -1};
+    return actarray::MultiSpeedCommand{.speeds = measured.speeds};
+  };
+  return std::visit(Overloaded{
+                        [&](const position2d::PositionCommand&) -> std::optional<AnyCommand> {
+                          return position2d::VelocityCommand{.velocity = measured.velocity};
+                        },
+                        [&](const position1d::PositionCommand&) -> std::optional<AnyCommand> {
+                          return position1d::VelocityCommand{.velocity = static_cast<float>(measured.velocity.x)};
+                        },
+                        [&](const actarray::PositionCommand&) { return joints(); },
+                        [&](const actarray::MultiPositionCommand&) { return joints(); },
+                        [&](const actarray::SpeedCommand&) { return joints(); },
+                        [](const planner::GoalCommand&) -> std::optional<AnyCommand> { return std::nullopt; },
+                        [](const planner::StartCommand&) -> std::optional<AnyCommand> { return std::nullopt; },
+                        [](const auto& same) -> std::optional<AnyCommand> { return AnyCommand{same}; },
+                    },
+                    last);
 }
 
 /// How far a velocity may go in `dt`; an infinite limit lets it jump, in no time too.
@@ -240,6 +254,7 @@ Result<> MotionGroup::command(SessionId session, const Identity& who, const AnyC
   }
   heard_ = arrived;
   if (is_edge(command)) return {};
+  if (std::exchange(untold_, true)) ++replaced_;
   target_ = command;
   clamp(target_);
   if (state_ == MotionState::stopping && taken_over_) {
@@ -264,11 +279,21 @@ void MotionGroup::clamp(AnyCommand& command) {
   const bool clamped = std::visit(
       Overloaded{
           [&](position2d::VelocityCommand& c) { return limit(c.velocity, policy_.max_speed, policy_.max_turn); },
-          [&](position2d::PositionCommand& c) { return limit(c.velocity, policy_.max_speed, policy_.max_turn); },
+          [&](position2d::PositionCommand& c) {
+            // 0 is "as fast as it can", which must not be faster than it may.
+            if (c.velocity.x == 0 && c.velocity.y == 0 && std::isfinite(policy_.max_speed)) {
+              c.velocity.x = policy_.max_speed;
+            }
+            if (c.velocity.w == 0 && std::isfinite(policy_.max_turn)) c.velocity.w = policy_.max_turn;
+            return limit(c.velocity, policy_.max_speed, policy_.max_turn);
+          },
           [&](position2d::CarCommand& c) { return limit(c.speed_mps, policy_.max_speed); },
           [&](position2d::VelocityHeadingCommand& c) { return limit(c.speed_mps, policy_.max_speed); },
           [&](position1d::VelocityCommand& c) { return limit(c.velocity, policy_.max_speed); },
-          [&](position1d::PositionCommand& c) { return limit(c.velocity, policy_.max_speed); },
+          [&](position1d::PositionCommand& c) {
+            if (c.velocity == 0 && std::isfinite(policy_.max_speed)) c.velocity = static_cast<float>(policy_.max_speed);
+            return limit(c.velocity, policy_.max_speed);
+          },
           [&](actarray::SpeedCommand& c) { return limit(c.speed, policy_.max_speed); },
           [&](actarray::MultiSpeedCommand& c) {
             bool any = false;
@@ -368,12 +393,19 @@ void MotionGroup::stand(Time now) {
   stepped_ = now;
 }
 
-const AnyCommand* MotionGroup::step(Time now, const BodyVelocity& velocity) {
+bool MotionGroup::displaces(const AnyCommand& command) const {
+  return pending_ && joint_of(command) != joint_of(target_);
+}
+
+const AnyCommand* MotionGroup::step(Time now, const Measured& measured) {
+  untold_ = false;
   if (next_output_) output_ = *std::exchange(next_output_, std::nullopt);
   if (lapses() && now - heard_ > policy_.lease) {
     if (state_ == MotionState::driving) {
+      // Whoever wrote a program for Player did not know of leases.
+      const char* hint = owner_ && !owner_->who.extended ? "; repeat it, see docs/policies.md#motion" : "";
       begin_stop((destination() ? "no sign of life for " : "no command for ") + milliseconds(now - heard_) +
-                     " (lease " + milliseconds(policy_.lease) + ')',
+                     " (lease " + milliseconds(policy_.lease) + ')' + hint,
                  false, now);
     } else {
       owner_.reset();
@@ -384,13 +416,13 @@ const AnyCommand* MotionGroup::step(Time now, const BodyVelocity& velocity) {
   switch (state_) {
     case MotionState::driving:
       if (!pending_) return nullptr;
-      if (is_destination(output_) && !destination()) output_ = way_to_rest(output_, velocity).value_or(output_);
+      if (is_destination(output_) && !destination()) output_ = way_to_rest(output_, measured).value_or(output_);
       pending_ = !approach(output_, target_, step_within(policy_.max_acceleration, dt),
                            step_within(policy_.max_turn_acceleration, dt));
       return &output_;
     case MotionState::stopping:
       if (std::exchange(pending_, false)) {
-        std::optional<AnyCommand> way = way_to_rest(output_, velocity);
+        std::optional<AnyCommand> way = way_to_rest(output_, measured);
         if (!way) {
           halt_requested_ = true;
           stand(now);

@@ -8,6 +8,7 @@
 #include <regista/device/host.hpp>
 #include <regista/server/server.hpp>
 
+#include "connection_limiter.hpp"
 #include "listener.hpp"
 #include "plugins.hpp"
 #include "session.hpp"
@@ -103,9 +104,11 @@ class Server::Impl final : public SessionOwner {
   void deliver_undelivered(Hosted& hosted);
 
   void accept(asio::ip::tcp::socket socket);
+  void turn_away(asio::ip::tcp::socket socket, std::string_view banner, const std::string& why, Time now);
   void serve_metrics(asio::ip::tcp::socket socket);
   void housekeep();
   void check_sessions(Time now);
+  void watch_wall_clock();
   void watch(Hosted& hosted, Time now);
   void begin_shutdown();
   void finish_shutdown_if_done();
@@ -138,11 +141,16 @@ class Server::Impl final : public SessionOwner {
   std::map<Device, Target> devices_;
   std::map<SessionId, std::shared_ptr<Session>> sessions_;
   SessionId last_session_ = 0;
-  std::uint64_t sessions_refused_ = 0;
+  std::uint64_t sessions_refused_ = 0;     ///< beyond max_clients
+  std::uint64_t connections_refused_ = 0;  ///< that came too fast
+  ConnectionLimiter connection_limiter_{20};
+  Throttle refusals_{std::chrono::seconds{5}};
   std::uint64_t data_dropped_ = 0;  ///< by sessions that are gone
   Time started_{};
   Time watchdog_kicked_{};
   Time sessions_checked_{};
+  std::optional<Duration> wall_offset_;  ///< of the wall clock from the monotonic one
+  Throttle wall_clock_jumps_{std::chrono::seconds{5}};
   std::optional<Time> shutting_down_since_;
   bool all_stopped_ = false;
   AnyCommand command_;              ///< scratch, so that its memory is used again

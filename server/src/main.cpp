@@ -43,7 +43,7 @@ std::shared_ptr<spdlog::logger> make_logger(const Arguments& arguments) {
       std::make_shared<spdlog::async_logger>("regista", std::make_shared<spdlog::sinks::stderr_color_sink_mt>(),
                                              spdlog::thread_pool(), spdlog::async_overflow_policy::overrun_oldest);
   logger->set_level(spdlog::level::from_str(arguments.log_level));
-  if (arguments.json_log) logger->set_pattern(R"({"time":"%Y-%m-%dT%H:%M:%S.%f%z","level":"%l","message":%v})");
+  if (arguments.json_log) logger->set_pattern(R"({"time":"%Y-%m-%dT%H:%M:%S.%f%z","level":"%l",%v})");
   return logger;
 }
 
@@ -96,11 +96,18 @@ int serve(const Arguments& arguments) {
                         .plugin_folders = arguments.plugin_folders};
   options.plugin_folders.push_back(usual_plugin_folder());
   options.plugin_folders.emplace_back(REGISTA_PLUGIN_FOLDER);
-  options.log = [logger, json = arguments.json_log](LogLevel level, const std::string& text) {
+  const auto log = [logger, json = arguments.json_log](LogLevel level, const std::string& text) {
     constexpr std::array levels{spdlog::level::info, spdlog::level::warn, spdlog::level::err};
-    logger->log(levels[std::min<std::size_t>(static_cast<std::size_t>(level), levels.size() - 1)], "{}",
-                json ? json_string(text) : text);
+    // The wall clock stands before it, and may jump.
+    const double monotonic_s = seconds(Clock::now().time_since_epoch());
+    const auto severity = levels[std::min<std::size_t>(static_cast<std::size_t>(level), levels.size() - 1)];
+    if (json) {
+      logger->log(severity, R"("monotonic_s":{:.6f},"message":{})", monotonic_s, json_string(text));
+    } else {
+      logger->log(severity, "[{:.6f}] {}", monotonic_s, text);
+    }
   };
+  options.log = log;
   Server server{config, std::move(options)};
   if (arguments.check) {
     std::cout << arguments.config << ": " << config.drivers.size() << " drivers, no errors\n";
@@ -124,7 +131,7 @@ int serve(const Arguments& arguments) {
     std::cout << "regista-server: ready on " << server.endpoints().front() << '\n' << std::flush;
   });
   server.on_hang([&] {
-    logger->error("a driver has hung for too long: exiting, so that the service is started again");
+    log(LogLevel::error, "a driver has hung for too long: exiting, so that the service is started again");
     logger->flush();
     spdlog::shutdown();
     std::_Exit(70);  // EX_SOFTWARE; its thread cannot be ended

@@ -129,7 +129,11 @@ void Remote::ask_next() {
   while (!questions_.empty() && !connection_.request_pending()) {
     const Question question = std::move(questions_.front());
     questions_.pop_front();
-    const auto answer = [port = question.port, to = question.reply_to](Result<AnyReply> reply) {
+    const auto answer = [this, port = question.port, to = question.reply_to](Result<AnyReply> reply) {
+      // A refusal has the other server's words; what went wrong between the servers needs all that is known.
+      if (!reply && reply.error().code.category() != client::refusal_category()) {
+        reply = Error{reply.error().code, name_ + ": " + reply.error().message()};
+      }
       port->reply({.to = to, .port = port->number, .answer = std::move(reply)});
     };
     const Result<> posted =

@@ -51,7 +51,8 @@ void Server::Impl::acknowledge(Session& session, const xdr::Header& request, con
 void Server::Impl::refuse(Session& session, const xdr::Header& request, const Error& error) {
   const xdr::Header header = reply_header(session, request, Kind::nack);
   if (session.extended) {
-    const int number = error.code.category() == std::generic_category() ? error.code.value() : EPROTO;
+    const std::error_condition condition = error.code.default_error_condition();
+    const int number = condition.category() == std::generic_category() ? condition.value() : EPROTO;
     std::string text = error.what.empty() ? error.message() : error.what;
     text.resize(std::min<std::size_t>(text.size(), 1000));
     send(session, header, player::Reason{.error = number, .text = text});

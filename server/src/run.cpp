@@ -66,16 +66,16 @@ void Server::Impl::accept(asio::ip::tcp::socket socket) {
   asio::error_code error;
   const auto remote = socket.remote_endpoint(error);
   if (error) return;  // gone already
+  const Time now = Clock::now();
+  if (!connection_limiter_.admit(remote.address(), now)) {
+    ++connections_refused_;
+    return turn_away(std::move(socket), "Player v. refused: too often",
+                     "more than " + std::to_string(connection_limiter_.rate()) + " connections a second", now);
+  }
   if (sessions_.size() >= max_clients_) {
     ++sessions_refused_;
-    log(LogLevel::warning, "client " + remote.address().to_string() + " refused: max_clients " +
-                               std::to_string(max_clients_) + " reached");
-    std::array<char, xdr::banner_size> refusal{};
-    const std::string text = "Player v. refused: max_clients";
-    std::ranges::copy(text, refusal.begin());
-    socket.non_blocking(true, error);
-    socket.write_some(asio::buffer(refusal), error);
-    return;
+    return turn_away(std::move(socket), "Player v. refused: max_clients",
+                     "max_clients " + std::to_string(max_clients_) + " reached", now);
   }
   while (last_session_ + 1 >= first_driver_session || sessions_.contains(last_session_ + 1) || last_session_ + 1 == 0) {
     last_session_ = (last_session_ + 1) % first_driver_session;
@@ -90,11 +90,24 @@ void Server::Impl::accept(asio::ip::tcp::socket socket) {
   session->start({banner.data(), banner.size()});
 }
 
+void Server::Impl::turn_away(asio::ip::tcp::socket socket, std::string_view banner, const std::string& why, Time now) {
+  asio::error_code error;
+  std::array<char, xdr::banner_size> refusal{};
+  std::ranges::copy(banner, refusal.begin());
+  if (const auto untold = refusals_.admit(now)) {
+    log(LogLevel::warning, "client " + socket.remote_endpoint(error).address().to_string() + " refused: " + why +
+                               (*untold > 0 ? " (" + std::to_string(*untold) + " more before)" : ""));
+  }
+  socket.non_blocking(true, error);
+  socket.write_some(asio::buffer(refusal), error);
+}
+
 void Server::Impl::housekeep() {
   const Time now = Clock::now();
   if (now - sessions_checked_ > session_tick) {
     sessions_checked_ = now;
     check_sessions(now);
+    watch_wall_clock();
   }
   for (Hosted& hosted : drivers_) {
     deliver_undelivered(hosted);
@@ -131,6 +144,23 @@ void Server::Impl::check_sessions(Time now) {
   if (pending > max_pending_)
     largest->close("the server holds " + std::to_string(pending >> 20) +
                    " MiB for clients (max_pending), most for this one");
+}
+
+void Server::Impl::watch_wall_clock() {
+  const Time before = Clock::now();
+  const auto wall = std::chrono::system_clock::now().time_since_epoch();
+  const Time after = Clock::now();
+  if (after - before > 1ms) return;  // interrupted between the two
+  const Duration offset = wall - before.time_since_epoch();
+  const Duration jump = offset - std::exchange(wall_offset_, offset).value_or(offset);
+  constexpr Duration least_jump = 100ms;  // what is less is slewed, by half a millisecond a second
+  if (std::chrono::abs(jump) < least_jump) return;
+  if (const auto untold = wall_clock_jumps_.admit(after)) {
+    event(1, "the wall clock jumped " + std::to_string(std::chrono::abs(jump) / 1ms) +
+                 (jump > Duration{} ? " ms ahead" : " ms back") +
+                 (*untold > 0 ? " (" + std::to_string(*untold) + " more before)" : "") +
+                 "; leases, time-outs and the stamps of data follow the monotonic clock");
+  }
 }
 
 void Server::Impl::watch(Hosted& hosted, Time now) {

@@ -58,6 +58,9 @@ void Server::Impl::read_server_section(const Section& section, const ServerOptio
   default_port_ =
       options.port.value_or(static_cast<std::uint16_t>(section.integer("port", 6665, {.min = 0, .max = 65535})));
   max_clients_ = static_cast<std::size_t>(section.integer("max_clients", 2048, {.min = 1, .max = 100'000}));
+  const std::int64_t connection_rate =
+      section.integer("connection_rate", connection_limiter_.rate(), {.min = 1, .max = 100'000});
+  connection_limiter_ = ConnectionLimiter{static_cast<int>(connection_rate)};
   limits_.max_message =
       static_cast<std::size_t>(section.integer("max_message", 1 << 20, {.min = 1024, .max = 8 << 20}));
   max_pending_ = static_cast<std::size_t>(section.integer("max_pending", 256 << 20, {.min = 1 << 20, .max = 1 << 30}));

@@ -92,6 +92,7 @@ ordered_json Server::Impl::status(Time now) const {
                        {"commands", metrics.commands.load()},
                        {"commands_refused", metrics.commands_refused.load()},
                        {"commands_clamped", metrics.commands_clamped.load()},
+                       {"commands_replaced", metrics.commands_replaced.load() + hosted.link->down.replaced()},
                        {"requests", metrics.requests.load()},
                        {"queues",
                         {{"down", hosted.link->down.size()},
@@ -101,8 +102,13 @@ ordered_json Server::Impl::status(Time now) const {
                          {"up_replaced", hosted.link->up.replaced()}}},
                        {"devices", std::move(devices)}});
   }
-  return {{"version", REGISTA_VERSION}, {"uptime_s", seconds(now - started_)}, {"clients_refused", sessions_refused_},
-          {"data_dropped", dropped},    {"clients", std::move(clients)},       {"drivers", std::move(drivers)}};
+  return {{"version", REGISTA_VERSION},
+          {"uptime_s", seconds(now - started_)},
+          {"clients_refused", sessions_refused_},
+          {"connections_refused", connections_refused_},
+          {"data_dropped", dropped},
+          {"clients", std::move(clients)},
+          {"drivers", std::move(drivers)}};
 }
 
 std::string Server::Impl::metrics(Time now) const {

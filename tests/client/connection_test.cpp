@@ -367,7 +367,25 @@ TEST(Connection, hears_the_reason_of_a_refusal) {
   EXPECT_EQ(done.error().what, "the base is moving; stop it first");
   const auto plain = connection.request(base, position2d::ResetOdometry{});  // an empty NACK
   ASSERT_FALSE(plain);
-  EXPECT_EQ(plain.error().message(), "no reason given");
+  EXPECT_EQ(plain.error().what, "no reason given");
+}
+
+TEST(Connection, gives_the_reason_of_a_refusal_once) {
+  std::atomic<bool> with_reason = false;
+  const ScriptedServer server{[&](Peer& peer) {
+    test::serve(peer, true, [&](Peer& p, const Message& m) {
+      if (!m.is(1, request_type, 3)) return false;
+      return p.nack(m, with_reason ? Bytes{}.u32(0x72656173).u32(ENODEV).text("there is no base") : Bytes{}), true;
+    });
+  }};
+  Connection connection{"127.0.0.1", server.port(), brief};
+  ASSERT_TRUE(connection.subscribe(base, [](const xdr::Header&, const AnyData&, Time) {}));
+  EXPECT_EQ(connection.connect().error().what, "position2d:0: no reason given");
+  with_reason = true;
+  const Result<> refused = connection.connect();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what, "position2d:0: there is no base");
+  EXPECT_EQ(refused.error().message(), "position2d:0: there is no base: No such device");
 }
 
 TEST(Connection, says_who_it_is) {

@@ -46,6 +46,9 @@ class Robot final : public Driver {
       return {};
     });
     arm.on<actarray::MultiSpeedCommand>([this](const actarray::MultiSpeedCommand& c) { joints = c.speeds.size(); });
+    arm.on<actarray::SpeedCommand>([this](const actarray::SpeedCommand& c) {
+      log.push_back("joint " + std::to_string(c.joint) + ' ' + std::to_string(c.speed).substr(0, 4));
+    });
     gain.on_change([this] { may_throw("property"); });
   }
 
@@ -65,6 +68,7 @@ class Robot final : public Driver {
     may_throw("publish");
     base.send(position2d::State{.velocity = velocity});
     arm.send(joint_states);
+    kicker.send(kicker::State{});
   }
   void halt() noexcept override {
     if (write_down) log.push_back("halt");
@@ -318,6 +322,34 @@ TEST(DriverHost, tells_set_points_once_a_cycle_and_every_edge) {
   EXPECT_EQ(bench.host->metrics().commands, 13);
 }
 
+TEST(DriverHost, tells_each_joint_its_newest_set_point) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe(arm));
+  bench.driver->take_log();
+  for (const auto& [joint, speed] : {std::pair{0, 1.F}, {0, 2.F}, {1, 3.F}, {1, 4.F}}) {
+    bench.command(arm, actarray::SpeedCommand{.joint = joint, .speed = speed});
+  }
+  bench.cycle();
+  EXPECT_EQ(bench.driver->take_log(), (Log{"joint 0 2.00", "joint 1 4.00"}));
+}
+
+TEST(DriverHost, ramps_an_array_down_joint_by_joint_when_the_driver_takes_nothing_else) {
+  Bench bench{{.motion = {{}, {}, {.ramp = 10}}}};
+  bench.host->ports()[arm].commands[AnyCommand{actarray::MultiSpeedCommand{}}.index()] = nullptr;
+  bench.driver->joint_states.actuators = {{.speed = 1}, {.speed = 2}};
+  ASSERT_TRUE(bench.subscribe(arm));
+  bench.command(arm, actarray::SpeedCommand{.joint = 1, .speed = 2});
+  bench.run(20ms);
+  bench.driver->take_log();
+  ASSERT_TRUE(bench.answer(arm, player::Stop{}));
+  bench.run(100ms);
+  const Log log = bench.driver->take_log();
+  ASSERT_GE(log.size(), 4);
+  EXPECT_EQ((Log{log.begin(), log.begin() + 4}), (Log{"joint 0 1.00", "joint 1 2.00", "joint 0 0.80", "joint 1 1.80"}));
+  bench.run(200ms);
+  EXPECT_EQ(bench.driver->take_log().back(), "joint 1 0.00");
+}
+
 TEST(DriverHost, tells_a_set_point_before_a_later_request_of_its_port) {
   Bench bench;
   ASSERT_TRUE(bench.subscribe());
@@ -472,6 +504,44 @@ TEST(DriverHost, tells_refusals_once_in_five_seconds_with_a_count) {
   EXPECT_EQ(bench.events[1], bench.events[0] + " (99 more before)");
 }
 
+TEST(DriverHost, warns_of_a_flood_once_in_five_seconds_with_a_count) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  bench.driver->write_down = false;
+  bench.events.clear();
+  const auto flood = [&](int each_beat, Duration length) {
+    for (const Time end = bench.now + length; bench.now < end;) {
+      for (int i = 0; i < each_beat; ++i) bench.drive(1);
+      bench.run(20ms);
+    }
+  };
+  flood(2, 60s);
+  EXPECT_EQ(bench.events, Log{}) << "a hiccup";
+  flood(1001, 1s);
+  ASSERT_EQ(bench.events.size(), 1);
+  flood(1001, 8s);
+  ASSERT_EQ(bench.events.size(), 2);
+  EXPECT_EQ(bench.events[1],
+            "driver \"robot\": 250000 commands in 5000 ms were replaced by newer ones before it took them");
+  EXPECT_EQ(bench.host->metrics().commands_replaced + bench.link->down.replaced(), 3000 + 450 * 1000);
+}
+
+TEST(DriverHost, tells_missed_deadlines_once_in_five_seconds_with_a_count) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  bench.run(100ms);
+  bench.events.clear();
+  bench.cycle(bench.due + 19ms - bench.now);
+  EXPECT_EQ(bench.events, Log{}) << "late, but not missed";
+  bench.cycle(bench.due + 37ms - bench.now);
+  EXPECT_EQ(bench.events, Log{"driver \"robot\": deadline missed: 37 ms"});
+  for (int i = 0; i < 12; ++i) bench.cycle(bench.due + 21ms - bench.now);
+  EXPECT_EQ(bench.events.size(), 1);
+  bench.run(5s);
+  bench.cycle(bench.due + 99ms - bench.now);
+  EXPECT_EQ(bench.last_event(), "driver \"robot\": deadline missed: 99 ms (12 more before)");
+}
+
 TEST(DriverHost, refuses_commands_of_who_is_not_subscribed) {
   Bench bench;
   ASSERT_TRUE(bench.subscribe());
@@ -573,6 +643,7 @@ TEST(DriverHost, does_not_allocate_in_steady_state) {
   bench.driver->ticks.reserve(2000);
   ASSERT_TRUE(bench.subscribe(base));
   ASSERT_TRUE(bench.subscribe(arm));
+  ASSERT_TRUE(bench.subscribe(kick));  // three kinds of data: each place of the queue gets each in turn
   const actarray::MultiSpeedCommand speeds{.speeds = {1, 2, 3, 4, 5, 6}};
   const auto beat = [&] {
     bench.now = bench.due;
@@ -583,11 +654,11 @@ TEST(DriverHost, does_not_allocate_in_steady_state) {
     const std::size_t made = allocations().count - before;
     std::size_t states = 0;
     bench.link->up.drain([&](Outbound& out) { states += out.index() == 0; });
-    EXPECT_EQ(states, 2);
+    EXPECT_EQ(states, 3);
     return made;
   };
   bench.due = bench.host->cycle(bench.now);
-  for (int i = 0; i < 300; ++i) (void)beat();  // every place of the queues was used
+  for (int i = 0; i < 300; ++i) (void)beat();  // every place of the queues was used, by everything
   std::size_t made = 0;
   for (int i = 0; i < 300; ++i) made += beat();
   EXPECT_EQ(made, 0);
@@ -630,6 +701,51 @@ class Skill final : public Driver {
   int sends = 0;
   bool goes = false;
 };
+
+/// A skill that commands an array of joints.
+class ArmSkill final : public Driver {
+ public:
+  explicit ArmSkill(Setup& setup) : port{setup.provide<Planner>()}, arm_{setup.require<Actarray>()} {
+    arm_.on_data<actarray::State>([this](const actarray::State& state, Time) { seen = state.actuators.size(); });
+  }
+  Result<> read(const Tick&) override {
+    arm_.send(speeds);
+    return {};
+  }
+  void publish() override {}
+  void halt() noexcept override {}
+
+  Port<Planner> port;
+  Required<Actarray> arm_;
+  actarray::MultiSpeedCommand speeds{.speeds = {1, 2, 3, 4, 5, 6}};
+  std::size_t seen = 0;
+};
+
+TEST(Required, does_not_allocate_in_steady_state) {
+  Bench robot;
+  robot.driver->write_down = false;
+  robot.driver->ticks.reserve(10000);
+  auto setup = std::make_unique<regista::Setup>(Section{});
+  auto made = std::make_unique<ArmSkill>(*setup);
+  const ArmSkill& skill = *made;
+  DriverHost host{"skill", std::move(setup), std::move(made), HostOptions{.always_on = true}};
+  Wakeup woken;
+  host.add_link(&woken);
+  join(host, host.required()[0], *robot.host, arm, first_driver_session);
+  const auto beats = [&](int count) {
+    const std::size_t before = allocations().count;
+    for (int i = 0; i < count; ++i) {
+      robot.now += 20ms;
+      host.cycle(robot.now);
+      robot.host->cycle(robot.now);
+    }
+    return allocations().count - before;
+  };
+  (void)beats(400);
+  EXPECT_EQ(skill.seen, 6);
+  EXPECT_EQ(robot.driver->joints, 6);
+  EXPECT_EQ(beats(400), 0);
+}
 
 /// A skill's host, joined to that of a robot.
 struct Pair {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <future>
@@ -22,7 +24,9 @@ class Sleeper final : public Driver {
   }
   Result<> read(const Tick&) override {
     std::uint64_t count = 0;
-    if (::read(descriptor_, &count, sizeof count) > 0) told.set_value();
+    const ssize_t size = ::read(descriptor_, &count, sizeof count);
+    if (size > 0 && ++taken == 1) told.set_value();
+    if (size == 0 && lets_go) descriptor_ = -1;  // a negative one is not waited for
     return {};
   }
   void publish() override { base_.send(position2d::State{}); }
@@ -31,6 +35,8 @@ class Sleeper final : public Driver {
 
   std::promise<double> commanded;
   std::promise<void> told;
+  bool lets_go = false;  ///< of a descriptor that hung up
+  std::atomic<int> taken{0};
   std::atomic<bool> halted{false};
 
  private:
@@ -39,7 +45,7 @@ class Sleeper final : public Driver {
 };
 
 struct Bench {
-  Bench() {
+  explicit Bench(int to_read = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) : descriptor{to_read} {
     auto setup = std::make_unique<Setup>(Section{});
     auto made = std::make_unique<Sleeper>(*setup, descriptor);
     driver = made.get();
@@ -75,7 +81,7 @@ struct Bench {
   }
 
   std::array<int, std::variant_size_v<Outbound>> came{};  ///< of each kind, and not waited for yet
-  int descriptor = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  int descriptor;
   Wakeup woken;
   Sleeper* driver = nullptr;
   std::optional<DriverHost> host;
@@ -99,6 +105,46 @@ TEST(HostThread, wakes_for_messages_and_descriptors_and_not_only_for_beats) {
   ASSERT_EQ(::write(bench.descriptor, &one, sizeof one), 8);
   EXPECT_EQ(told.wait_for(10s), std::future_status::ready);
   EXPECT_TRUE(bench.wait_for<Sample>());
+}
+
+TEST(HostThread, takes_a_descriptor_that_hung_up_and_was_left_so_for_a_fault) {
+  const auto pipe = [](std::array<int, 2>& ends) { return ::pipe2(ends.data(), O_NONBLOCK | O_CLOEXEC); };
+  const auto sockets = [](std::array<int, 2>& ends) {
+    return ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends.data());
+  };
+  for (const std::function<int(std::array<int, 2>&)>& make :
+       {std::function<int(std::array<int, 2>&)>{pipe}, {sockets}}) {
+    std::array<int, 2> ends{};
+    ASSERT_EQ(make(ends), 0);
+    Bench bench{ends[0]};
+    HostThread thread{*bench.host};
+    bench.post(AnyRequest{player::Subscribe{}});
+    ASSERT_TRUE(bench.wait_for<Reply>());
+    const std::array<std::uint64_t, 100> numbers{};
+    ASSERT_EQ(::write(ends[1], numbers.data(), sizeof numbers), sizeof numbers);
+    ::close(ends[1]);
+    // Not before it had everything; and not called without end, which would never be told.
+    while (bench.host->metrics().faults != 1) ASSERT_TRUE(bench.wait_for<Notice>());
+    EXPECT_EQ(bench.driver->taken, 100);
+  }
+}
+
+TEST(HostThread, leaves_a_driver_alone_that_lets_go_of_what_hung_up) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_NONBLOCK | O_CLOEXEC), 0);
+  Bench bench{ends[0]};
+  bench.driver->lets_go = true;
+  HostThread thread{*bench.host};
+  bench.post(AnyRequest{player::Subscribe{}});
+  ASSERT_TRUE(bench.wait_for<Reply>());
+  ASSERT_TRUE(bench.wait_for<Sample>()) << "the first beat";
+  ::close(ends[1]);
+  ASSERT_TRUE(bench.wait_for<Sample>());
+  for (int i = 0; i < 3; ++i) {
+    bench.post(AnyRequest{position2d::GetGeometry{}});
+    ASSERT_TRUE(bench.wait_for<Reply>());
+  }
+  EXPECT_EQ(bench.host->metrics().faults, 0);
 }
 
 TEST(HostThread, brings_the_driver_to_rest_when_it_stops) {

@@ -65,7 +65,7 @@ struct Story {
       Identity{}, {"nav@10.0.0.2", 10, false}, {"teleop@host", 10, false}, {"chief", 20, true}};
   MotionGroup motion;
   Time now{10s};
-  BodyVelocity measured{};
+  Measured measured{};
   AnyCommand output{VelocityCommand{}};
   int steps_told = 0;
   std::vector<std::string> told;
@@ -117,11 +117,20 @@ TEST(Motion, stops_when_its_lease_runs_out) {
   EXPECT_EQ(s.motion.due(Time::max()), Time{10s} + 500ms + 1ns);
   s.step(12ms);
   EXPECT_EQ(s.velocity().x, 0);
-  EXPECT_EQ(s.last_told(), "position2d:0 stopped: no command for 512 ms (lease 500 ms)");
-  EXPECT_EQ(s.motion.status().reason.view(), "no command for 512 ms (lease 500 ms)");
+  const std::string reason = "no command for 512 ms (lease 500 ms); repeat it, see docs/policies.md#motion";
+  EXPECT_EQ(s.last_told(), "position2d:0 stopped: " + reason);
+  EXPECT_EQ(s.motion.status().reason.view(), reason);
   EXPECT_EQ(s.state(), MotionState::stopped);
   EXPECT_EQ(s.owner(), "");
   EXPECT_EQ(s.motion.due(Time::max()), Time::max());
+}
+
+TEST(Motion, tells_where_leases_are_explained_to_those_who_cannot_know) {
+  Story s;
+  ASSERT_TRUE(s.command(carol, drive(1)));  // extended
+  s.step();
+  s.step(512ms);
+  EXPECT_EQ(s.last_told(), "position2d:0 stopped: no command for 512 ms (lease 500 ms)");
 }
 
 TEST(Motion, counts_a_lease_from_the_arrival_of_the_command) {
@@ -296,6 +305,60 @@ TEST(Motion, limits_speed_keeps_direction_and_counts) {
   EXPECT_EQ(s.motion.take_clamped(), 0);
 }
 
+TEST(Motion, goes_to_a_destination_no_faster_than_it_may) {
+  Story s{{.max_speed = 0.5, .max_turn = 2}};
+  ASSERT_TRUE(s.command(alice, position2d::PositionCommand{.pose = {.x = 5}}));  // 0: as fast as the base can
+  s.step();
+  EXPECT_EQ(std::get<position2d::PositionCommand>(s.output).velocity, (BodyVelocity{.x = 0.5, .w = 2}));
+  ASSERT_TRUE(s.command(alice, position2d::PositionCommand{.pose = {.x = 5}, .velocity = {.y = 0.2}}));
+  s.step();
+  EXPECT_EQ(std::get<position2d::PositionCommand>(s.output).velocity, (BodyVelocity{.y = 0.2, .w = 2}));
+  EXPECT_EQ(s.motion.take_clamped(), 0) << "nobody wanted to go faster";
+
+  Story lift{{.max_speed = 0.25}};
+  ASSERT_TRUE(lift.command(alice, position1d::PositionCommand{.position = 1}));
+  lift.step();
+  EXPECT_EQ(std::get<position1d::PositionCommand>(lift.output).velocity, 0.25F);
+
+  Story free;
+  ASSERT_TRUE(free.command(alice, position2d::PositionCommand{.pose = {.x = 5}}));
+  free.step();
+  EXPECT_EQ(std::get<position2d::PositionCommand>(free.output).velocity, BodyVelocity{}) << "the base's own limit";
+}
+
+TEST(Motion, stops_every_joint_of_an_array_along_the_ramp) {
+  for (const AnyCommand& last : {AnyCommand{actarray::SpeedCommand{.joint = 1, .speed = -0.5}},
+                                 AnyCommand{actarray::PositionCommand{.joint = 0, .position = 3}},
+                                 AnyCommand{actarray::MultiPositionCommand{.positions = {3, -3}}}}) {
+    Story s{{.ramp = 1}};
+    ASSERT_TRUE(s.command(alice, last));
+    s.step();
+    s.measured.speeds = {1, -0.5};
+    s.motion.gone(alice, s.now);
+    s.step(100ms);
+    const auto& speeds = std::get<actarray::MultiSpeedCommand>(s.output).speeds;
+    ASSERT_EQ(speeds.size(), 2);
+    EXPECT_FLOAT_EQ(speeds[0], 0.9F);
+    EXPECT_FLOAT_EQ(speeds[1], -0.4F);
+    s.run(500ms, 100ms);
+    EXPECT_FLOAT_EQ(std::get<actarray::MultiSpeedCommand>(s.output).speeds[0], 0.4F);
+    EXPECT_EQ(std::get<actarray::MultiSpeedCommand>(s.output).speeds[1], 0);
+    s.run(500ms, 100ms);
+    EXPECT_EQ(std::get<actarray::MultiSpeedCommand>(s.output).speeds, (std::vector<float>{0, 0}));
+    EXPECT_EQ(s.state(), MotionState::stopped);
+  }
+}
+
+TEST(Motion, stops_an_axis_from_a_destination_along_the_ramp) {
+  Story s{{.ramp = 1}};
+  ASSERT_TRUE(s.command(alice, position1d::PositionCommand{.position = 3}));
+  s.step();
+  s.measured.velocity.x = 1;
+  s.motion.gone(alice, s.now);
+  s.step(100ms);
+  EXPECT_FLOAT_EQ(std::get<position1d::VelocityCommand>(s.output).velocity, 0.9F);
+}
+
 TEST(Motion, comes_to_speed_at_the_limit_of_acceleration) {
   Story s{{.max_acceleration = 1, .max_turn_acceleration = 4}};
   ASSERT_TRUE(s.command(alice, drive(0.3, 0.4, 1)));
@@ -327,7 +390,7 @@ TEST(Motion, keeps_its_ramp_when_the_kind_of_command_changes) {
   ASSERT_NE(car, nullptr);
   EXPECT_NEAR(car->speed_mps, 0.5, 0.021);
   s.stream(alice, position2d::PositionCommand{.pose = {.x = 1}}, 100ms);
-  s.measured = {.x = 0.8};
+  s.measured.velocity = {.x = 0.8};
   s.stream(alice, drive(0), 100ms);
   EXPECT_NEAR(s.velocity().x, 0.7, 0.021) << "from what the base does";
 }
@@ -370,7 +433,7 @@ TEST(Motion, goes_on_to_a_destination_while_a_stock_owner_is_connected) {
   s.run(10s);
   EXPECT_EQ(s.state(), MotionState::driving);
   EXPECT_FALSE(s.command(bob, drive(1)));
-  s.measured = {.x = 0.4};
+  s.measured.velocity = {.x = 0.4};
   s.motion.gone(alice, s.now);
   s.step();
   EXPECT_EQ(s.velocity().x, 0);
@@ -515,7 +578,7 @@ void every_set_point_comes_to_rest(std::type_identity<std::variant<Ms...>>) {
     SCOPED_TRACE(M::message.interface);
     ++tried;
     Story s{{.ramp = 1, .turn_ramp = 1}, std::string{M::message.group}};
-    s.measured = {.x = 1, .w = 1};
+    s.measured = {.velocity = {.x = 1, .w = 1}, .speeds = {}};
     ASSERT_TRUE(s.command(alice, moving<M>()));
     s.step();
     EXPECT_EQ(s.output, AnyCommand{moving<M>()});

@@ -73,7 +73,7 @@ class Client:
 class Server:
     """A fake_base for position2d:0 behind regista-server; what happens to the base stands in a file."""
 
-    def __init__(self, folder, keys="", more="", arguments=(), **popen):
+    def __init__(self, folder, keys="", more="", arguments=(), options=(), **popen):
         self.record = folder / "record"
         self.config = folder / "robot.cfg"
         self.config.write_text(
@@ -81,7 +81,18 @@ class Server:
         )
         self.log_file = folder / "log"
         self.log_stream = self.log_file.open("w")
-        command = [*arguments, SERVER, "--port", "0", "--listen", "127.0.0.1", "--plugins", PLUGINS, self.config]
+        command = [
+            *arguments,
+            SERVER,
+            "--port",
+            "0",
+            "--listen",
+            "127.0.0.1",
+            "--plugins",
+            PLUGINS,
+            *options,
+            self.config,
+        ]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log_stream, text=True, **popen)
         ready = self.process.stdout.readline()
         assert ready.startswith("regista-server: ready on "), ready + self.log()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults of whole processes. Stop times come from the driver's own record, on the clock that Python calls monotonic."""
 
+import json
 import os
 import re
 import resource
@@ -79,17 +80,58 @@ with Server(pathlib.Path({str(tmp_path)!r})) as server:
     print("closed", time.monotonic() - cut)
     print(server.log())
 """
-    command = ["unshare", "--map-root-user", "--net", sys.executable, "-c", inner]
+    printed = in_namespace(inner)
+    stop = float(re.search(r"stop (\S+)", printed)[1])
+    closed = float(re.search(r"closed (\S+)", printed)[1])
+    print(f"f02_stop: {1e3 * stop:.1f} ms; connection closed {closed:.1f} s after")
+    assert 0.4 <= stop < 0.5 + 0.01 + 0.02 + NOISE
+    assert closed < 8
+    assert re.search(r"position2d:0 stopped: no command for \d+ ms \(lease 500 ms\)", printed)
+
+
+def test_connections_come_too_fast(tmp_path):
+    """20 a second from an address that is not loopback: in a network namespace, whose `lo` has another address, too."""
+    inner = f"""
+import fcntl, json, socket, struct, sys, time, pathlib
+sys.path.insert(0, {FOLDER!r})
+from regista_process import *
+OTHER = "10.7.0.1"
+def set_up(request, name, value):
+    with socket.socket() as s:
+        fcntl.ioctl(s, request, struct.pack("16s16s", name, value))
+set_up(0x8914, b"lo", struct.pack("h", 0x49))  # SIOCSIFFLAGS: up, running
+set_up(0x8916, b"lo:1", struct.pack("hH4s", socket.AF_INET, 0, socket.inet_aton(OTHER)))  # SIOCSIFADDR
+with Server(pathlib.Path({str(tmp_path)!r}), options=["--listen", OTHER]) as server:
+    sockets, banners = [], []
+    begin = time.monotonic()
+    for _ in range(100):
+        sockets.append(socket.create_connection((OTHER, server.port), 10))
+        banners.append(sockets[-1].recv(32))
+    allowed = 20 * (1 + time.monotonic() - begin)
+    refused = sum(banner.startswith(b"Player v. refused: too often") for banner in banners)
+    assert 20 <= 100 - refused <= allowed + 1, (refused, allowed)
+    assert all(b"refused" not in banner for banner in banners[:20])
+    clients = [Client(server.port) for _ in range(100)]  # over loopback
+    assert all(b"refused" not in client.banner for client in clients)
+    status = clients[0].ask(1, 0, 106)[5]
+    assert json.loads(status[8:].split(b"\\0")[0])["connections_refused"] == refused, status[:200]
+    time.sleep(0.1)  # after which one more is allowed
+    assert b"refused" not in socket.create_connection((OTHER, server.port), 10).recv(32)
+    lines = [line for line in server.log().splitlines() if "more than 20 connections a second" in line]
+    assert len(lines) == 1, "one in five seconds"
+    assert f"client {{OTHER}} refused: more than 20 connections a second" in lines[0]
+"""
+    in_namespace(inner)
+
+
+def in_namespace(program):
+    """Run it where the network is nobody else's; what it printed."""
+    command = ["unshare", "--map-root-user", "--net", sys.executable, "-c", program]
     if subprocess.run([*command[:3], "true"], check=False, capture_output=True).returncode != 0:
         pytest.skip("no network namespaces here")
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr + done.stdout
-    stop = float(re.search(r"stop (\S+)", done.stdout)[1])
-    closed = float(re.search(r"closed (\S+)", done.stdout)[1])
-    print(f"f02_stop: {1e3 * stop:.1f} ms; connection closed {closed:.1f} s after")
-    assert 0.4 <= stop < 0.5 + 0.01 + 0.02 + NOISE
-    assert closed < 8
-    assert re.search(r"position2d:0 stopped: no command for \d+ ms \(lease 500 ms\)", done.stdout)
+    return done.stdout
 
 
 def test_f03_commanding_client_hangs(tmp_path):
@@ -177,7 +219,7 @@ SHIM = r"""
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <time.h>
-/* The wall clock jumps by an hour, back and forth, every 100 ms of the monotonic clock. */
+/* The wall clock jumps by an hour: back and forth every 100 ms of the monotonic clock, or once a second after start. */
 int clock_gettime(clockid_t clock, struct timespec* time) {
   static int (*real)(clockid_t, struct timespec*);
   if (!real) real = (int (*)(clockid_t, struct timespec*))dlsym(RTLD_NEXT, "clock_gettime");
@@ -185,20 +227,46 @@ int clock_gettime(clockid_t clock, struct timespec* time) {
   if (clock == CLOCK_REALTIME) {
     struct timespec steady;
     real(CLOCK_MONOTONIC, &steady);
+#ifdef ONCE
+    static long start;
+    if (!start) start = steady.tv_sec;
+    time->tv_sec += steady.tv_sec > start + 1 ? 3600 : 0;
+#else
     time->tv_sec += steady.tv_nsec / 100000000 % 2 ? 3600 : -3600;
+#endif
   }
   return result;
 }
 """
 
 
+def jumping_clock(folder, *flags):
+    source = folder / "shim.c"
+    source.write_text(SHIM)
+    shim = folder / "shim.so"
+    subprocess.run(["cc", "-shared", "-fPIC", *flags, "-o", shim, source, "-ldl"], check=True)
+    return {**os.environ, "LD_PRELOAD": str(shim)}
+
+
+@pytest.mark.skipif("san" in str(SERVER), reason="a sanitizer wants to be loaded first")
+def test_f19_wall_clock_jumps_once(tmp_path):
+    with Server(tmp_path, env=jumping_clock(tmp_path, "-DONCE"), options=["--json-log"]) as server:
+        client = Client(server.port)
+        assert client.ask(1, 0, 100)[2] == ACK  # the extension: events
+        while b"wall clock" not in (event := client.receive())[5]:
+            pass
+        text = b"ms ahead; leases, time-outs and the stamps of data follow the monotonic clock"
+        assert text in event[5]
+        lines = wait_for(lambda: [json.loads(line) for line in server.log().splitlines() if "jumped" in line])
+        assert len(lines) == 1
+        assert abs(int(re.search(r"jumped (\d+) ms ahead", lines[0]["message"])[1]) - 3600_000) < 100
+        assert abs(lines[0]["monotonic_s"] - time.monotonic()) < 5
+        client.close()
+
+
 @pytest.mark.skipif("san" in str(SERVER), reason="a sanitizer wants to be loaded first")
 def test_f19_wall_clock_jumps(tmp_path):
-    source = tmp_path / "shim.c"
-    source.write_text(SHIM)
-    shim = tmp_path / "shim.so"
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", shim, source, "-ldl"], check=True)
-    with Server(tmp_path, env={**os.environ, "LD_PRELOAD": str(shim)}) as server:
+    with Server(tmp_path, env=jumping_clock(tmp_path)) as server:
         client = Client(server.port)
         client.open()
         last = None
@@ -212,6 +280,9 @@ def test_f19_wall_clock_jumps(tmp_path):
         stop = server.rested(driven + 1e-6) - driven
         print(f"f19_stop: {1e3 * stop:.1f} ms")
         assert 0.4 <= stop < 0.5 + 0.01 + NOISE
+        told = [line for line in server.log().splitlines() if "the wall clock jumped" in line]
+        assert len(told) == 1, "one in five seconds"
+        assert re.match(r"\[\d{4}-.*\] \[warning\] \[\d+\.\d{6}\] the wall clock jumped 7[12]\d{5} ms ", told[0])
         client.close()
 
 
@@ -356,6 +427,11 @@ def test_f34_starved_of_the_processor(tmp_path):
             quantiles("f34_stop", stops)
             assert min(stops) >= 0.4
             assert max(stops) < 0.5 + 2 * 0.01 + 2 * NOISE
+            status = client.ask(1, 0, 106)[5]
+            missed = json.loads(status[8:].split(b"\0")[0])["drivers"][0]["beats_missed"]
+            print(f"f34: {missed} beats missed")
+            if missed > 0:
+                wait_for(lambda: re.search(r'driver "fake_base": deadline missed: \d+ ms', server.log()))
             client.close()
     finally:
         for hog in hogs:

@@ -65,7 +65,9 @@ class Serving {
   std::thread thread_;
 };
 
-const std::string base_config = R"(driver ( name "fake_base" provides ["position2d:0"] echo yes rate 100 ))";
+std::string base_config(const std::string& keys = "") {
+  return "driver ( name \"fake_base\" provides [\"position2d:0\"] echo yes rate 100 " + keys + " )";
+}
 std::string repeater_config(std::uint16_t port) {
   return "driver ( name \"repeater\" priority 15 provides [\"position2d:0\"] requires [\"127.0.0.1:" +
          std::to_string(port) + ":position2d:0\"] )";
@@ -104,7 +106,7 @@ class Driving {
 };
 
 TEST(Remote, forwards_commands_and_data_of_another_server) {
-  const Serving there{base_config};
+  const Serving there{base_config()};
   const Serving here{repeater_config(there.port())};
   Driving client{here.port()};
   EXPECT_TRUE(client.drive(0.25));
@@ -112,7 +114,7 @@ TEST(Remote, forwards_commands_and_data_of_another_server) {
 }
 
 TEST(Remote, forwards_requests_and_their_answers) {
-  const Serving there{base_config};
+  const Serving there{base_config()};
   const Serving here{repeater_config(there.port())};
   Driving client{here.port()};
   ASSERT_TRUE(client.drive(0.25));  // by now it is connected
@@ -121,8 +123,30 @@ TEST(Remote, forwards_requests_and_their_answers) {
   EXPECT_EQ(geometry->size.length, 0.4);
 }
 
+TEST(Remote, forwards_a_refusal_with_its_words_and_its_errno) {
+  const Serving there{base_config("fault \"error\" at \"request\"")};
+  const Serving here{repeater_config(there.port())};
+  Driving client{here.port()};
+  ASSERT_TRUE(client.drive(0.25));
+  const auto geometry = client.connection().request(base, position2d::GetGeometry{});
+  ASSERT_FALSE(geometry);
+  EXPECT_EQ(geometry.error().code, std::errc::io_error);
+  EXPECT_EQ(geometry.error().what, "made-up fault");
+}
+
+TEST(Remote, says_which_server_did_not_answer) {
+  const Serving there{base_config("fault \"hang\" at \"request\" seconds 1.7")};
+  const Serving here{repeater_config(there.port())};
+  Driving client{here.port()};
+  ASSERT_TRUE(client.drive(0.25));
+  const auto geometry = client.connection().request(base, position2d::GetGeometry{});
+  ASSERT_FALSE(geometry);
+  EXPECT_EQ(geometry.error().code, std::errc::timed_out);
+  EXPECT_EQ(geometry.error().what, "127.0.0.1:" + std::to_string(there.port()) + ": 1500 ms: no answer in time");
+}
+
 TEST(Remote, drives_under_the_name_and_priority_of_the_driver_that_requires_it) {
-  const Serving there{base_config};
+  const Serving there{base_config()};
   const Serving here{repeater_config(there.port())};
   Driving client{here.port()};
   client::Connection observer{"127.0.0.1", there.port()};
@@ -136,7 +160,7 @@ TEST(Remote, drives_under_the_name_and_priority_of_the_driver_that_requires_it) 
 }
 
 TEST(Remote, stops_when_the_client_of_the_requiring_driver_falls_silent) {
-  const Serving there{base_config};
+  const Serving there{base_config()};
   const Serving here{repeater_config(there.port())};
   Driving client{here.port()};
   ASSERT_TRUE(client.drive(0.25));
@@ -144,7 +168,7 @@ TEST(Remote, stops_when_the_client_of_the_requiring_driver_falls_silent) {
 }
 
 TEST(Remote, is_not_offered_by_the_server_that_requires_it) {
-  const Serving there{base_config};
+  const Serving there{base_config()};
   const Serving here{repeater_config(there.port())};
   Driving client{here.port()};
   const auto list = client.connection().request(client::server_address, player::GetDeviceList{});
@@ -153,13 +177,13 @@ TEST(Remote, is_not_offered_by_the_server_that_requires_it) {
 }
 
 TEST(Remote, is_connected_again_after_its_server_was_away) {
-  auto there = std::make_unique<Serving>(base_config);
+  auto there = std::make_unique<Serving>(base_config());
   const std::uint16_t port = there->port();
   const Serving here{repeater_config(port)};
   Driving client{here.port()};
   ASSERT_TRUE(client.drive(0.25));
   there.reset();
-  there = std::make_unique<Serving>(base_config, port);
+  there = std::make_unique<Serving>(base_config(), port);
   EXPECT_TRUE(client.drive(0.5));
 }
 

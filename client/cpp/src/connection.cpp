@@ -63,7 +63,7 @@ regista::Error refusal(std::span<const std::byte> body, bool extended) {
   if (extended && xdr::decode(body, reason) && reason.tag == player::Reason::mark) {
     return {std::error_code{reason.error, refusal_category()}, std::string{reason.text.view()}};
   }
-  return {std::error_code{no_reason, refusal_category()}, ""};
+  return {std::error_code{no_reason, refusal_category()}, "no reason given"};
 }
 
 /// A device that could not be opened: an ACK may say so, too (a stock driver whose Setup failed).
@@ -75,6 +75,11 @@ Result<std::string> opened(const Result<std::span<const std::byte>>& body) {
     return regista::Error{std::error_code{no_reason, refusal_category()}, "its driver could not start: see its log"};
   }
   return std::string{reply.driver.view()};
+}
+
+/// The same error; what it says begins with what was asked.
+regista::Error asked_for(std::string asked, const regista::Error& error) {
+  return {error.code, error.what.empty() ? std::move(asked) : asked + ": " + error.what};
 }
 
 player::Subscribe subscribe_request(Address address, player::Access access) {
@@ -129,7 +134,7 @@ void Connection::next_step() {
       if (body) {
         next_step();
       } else if (state_ != State::closed) {
-        (void)fail({body.error().code, std::string{asked} + ": " + body.error().message()});
+        (void)fail(asked_for(std::string{asked}, body.error()));
       }
     };
   };
@@ -167,7 +172,7 @@ void Connection::subscribe_step(Address address) {
               const Result<std::string> driver = opened(body);
               Subscription* subscription = find(address);
               if (!driver) {
-                (void)fail({driver.error().code, to_string(address) + ": " + driver.error().message()});
+                (void)fail(asked_for(to_string(address), driver.error()));
               } else if (subscription != nullptr) {
                 subscription->open = true;
                 subscription->driver = *driver;

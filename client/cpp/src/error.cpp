@@ -78,7 +78,7 @@ const std::error_category& refusal_category() noexcept {
   static const class Category final : public std::error_category {
     [[nodiscard]] const char* name() const noexcept override { return "refusal"; }
     [[nodiscard]] std::string message(int code) const override {
-      return code == no_reason ? "no reason given" : std::generic_category().message(code);
+      return code == no_reason ? "refused" : std::generic_category().message(code);
     }
     [[nodiscard]] std::error_condition default_error_condition(int code) const noexcept override {
       if (code == no_reason) return {code, *this};

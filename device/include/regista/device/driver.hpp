@@ -37,7 +37,8 @@ class Driver {
   /// Let go of the hardware, after the last subscription. The next call is open() or the destructor.
   virtual void close() noexcept {}
 
-  /// Readable: an extra beat. Asked after each open().
+  /// Readable: an extra beat. Asked after each call; those below 0 are passed over. One that hung up, has nothing left
+  /// to read and is still among them after the read() that it led to is a fault.
   [[nodiscard]] virtual std::span<const int> descriptors() const { return {}; }
   /// Stop the hardware although the driver's thread hangs in one of the calls above. On another thread, and alone in
   /// that: no lock, no state, a single write to a descriptor or a pin. False: there is no such way.

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <deque>
 #include <map>
+#include <regista/core/rate_limit.hpp>
 #include <regista/device/driver.hpp>
 #include <regista/device/motion.hpp>
 #include <regista/device/plugin.hpp>
@@ -32,6 +33,7 @@ struct HostMetrics {
   std::atomic<std::uint64_t> commands{0};
   std::atomic<std::uint64_t> commands_refused{0};
   std::atomic<std::uint64_t> commands_clamped{0};
+  std::atomic<std::uint64_t> commands_replaced{0};  ///< by newer ones, before the driver was told
   std::atomic<std::uint64_t> requests{0};
   std::atomic<std::uint64_t> events_dropped{0};
   std::atomic<bool> open{false};
@@ -72,6 +74,8 @@ class DriverHost {
   Time cycle(Time now, bool descriptor_ready = false);
   /// Bring everything to rest, tell why, and close.
   void shut_down(Time now);
+  /// The other end of one of its descriptors is gone, and read() left it so: a fault.
+  void descriptor_left_dead(int descriptor);
   /// Wake everybody who is joined.
   void notify_users() const;
   [[nodiscard]] std::span<const int> descriptors() const;
@@ -100,8 +104,7 @@ class DriverHost {
     std::vector<MotionGroup> groups;
     std::array<std::uint8_t, std::variant_size_v<AnyCommand>> group_of{};  ///< index into groups
     std::set<std::pair<Link*, SessionId>> subscribers;
-    Time refusal_told{};
-    std::uint64_t refusals_untold = 0;
+    Throttle refusals{std::chrono::seconds{5}};
   };
   struct Channel {
     Link link;
@@ -122,6 +125,7 @@ class DriverHost {
   void tell_driver(PortState& state, PortCore& port);
   void run_motion();
   void beat();
+  void warn_of_flood();
   Result<> try_open();
   void close_if_unused();
   void fault(const std::string& what);
@@ -155,6 +159,10 @@ class DriverHost {
   Time now_{};
   Time next_beat_ = Time::max();
   Time last_read_{};
+  Throttle missed_deadlines_{std::chrono::seconds{5}};
+  std::optional<Time> flood_told_;
+  Time flood_since_{};               ///< when there were `flood_counted_` replaced commands
+  std::uint64_t flood_counted_ = 0;  ///< in all
   Time retry_at_ = Time::min();
   Duration back_off_{};
   bool open_ = false;

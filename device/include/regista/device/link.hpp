@@ -4,7 +4,9 @@
 #include <regista/core/result.hpp>
 #include <regista/core/time.hpp>
 #include <regista/device/ring.hpp>
+#include <regista/device/spares.hpp>
 #include <regista/interfaces/messages.hpp>
+#include <vector>
 
 namespace regista {
 
@@ -48,6 +50,12 @@ struct Sample {
   AnyData data;
 };
 
+/// What the last data of a device say of its motion: where a stop ramps from.
+struct Measured {
+  BodyVelocity velocity{};      ///< of a position2d; of a position1d in x [m/s or rad/s]
+  std::vector<float> speeds{};  ///< of an actarray's joints [m/s or rad/s]; empty: not known
+};
+
 struct Reply {
   ReplyTo to{};
   std::size_t port = 0;
@@ -84,6 +92,7 @@ class Wakeup {
 struct Link {
   Mailbox<Inbound, 256> down;
   Mailbox<Outbound, 256> up;
+  Spares<AnyData> spare_data;    ///< of `up`
   const Wakeup* user = nullptr;  ///< to be notified after something was put up
 };
 

@@ -49,9 +49,11 @@ class MotionGroup {
   /// The driver works again.
   void recovered();
 
-  /// `velocity`: what the device does now, where a stop from a destination ramps from.
   /// What to tell the driver now; null: nothing new. Valid until the next call.
-  const AnyCommand* step(Time now, const BodyVelocity& velocity);
+  /// `measured`: what the device does, where a stop ramps from when no set-point says so.
+  const AnyCommand* step(Time now, const Measured& measured);
+  /// Whether the driver must first be told what waits: `command` is for another joint, and would take its place.
+  [[nodiscard]] bool displaces(const AnyCommand& command) const;
   /// `halt()` is needed: a stop of something that no set-point can stop.
   bool take_halt_request() { return std::exchange(halt_requested_, false); }
 
@@ -65,6 +67,8 @@ class MotionGroup {
   [[nodiscard]] const std::string& group() const { return group_; }
   /// How many commands were limited since the last call.
   std::uint64_t take_clamped() { return std::exchange(clamped_, 0); }
+  /// How many set-points were replaced by newer ones before the driver was told, since the last call.
+  std::uint64_t take_replaced() { return std::exchange(replaced_, 0); }
   [[nodiscard]] bool driving() const { return state_ == player::MotionState::driving; }
 
  private:
@@ -101,7 +105,9 @@ class MotionGroup {
   bool queued_ = false;                    ///< whose target_ is to be told then
   bool halt_requested_ = false;
   bool changed_ = true;
+  bool untold_ = false;  ///< target_ is new
   std::uint64_t clamped_ = 0;
+  std::uint64_t replaced_ = 0;
 };
 
 }  // namespace regista

@@ -26,24 +26,25 @@ struct PortCore {
   std::vector<Link*> listeners;
   std::array<std::size_t, std::variant_size_v<AnyData>> lanes{};
   std::function<void(Reply&&)> reply;
-  Time now;                 ///< of the beat, for samples without a time of their own
-  BodyVelocity velocity{};  ///< of the last position2d state: where a stop ramps from
+  Time now;  ///< of the beat, for samples without a time of their own
+  Measured last{};
 
   template <DataType D>
   void send(const D& data, Time measured) {
     constexpr std::size_t alternative = AnyData{std::in_place_type<D>}.index();
-    if constexpr (std::same_as<D, position2d::State>) velocity = data.velocity;
+    if constexpr (std::same_as<D, position2d::State>) last.velocity = data.velocity;
+    if constexpr (std::same_as<D, position1d::State>) last.velocity.x = data.velocity;
+    if constexpr (std::same_as<D, actarray::State>) {
+      last.speeds.clear();
+      for (const actarray::Actuator& actuator : data.actuators) last.speeds.push_back(actuator.speed);
+    }
     for (Link* link : listeners) {
       link->up.put(lanes[alternative], [&](Outbound& out) {
         Sample* sample = std::get_if<Sample>(&out);
         if (sample == nullptr) sample = &out.emplace<Sample>();
         sample->port = number;
         sample->measured = measured;
-        if (D* old = std::get_if<D>(&sample->data)) {
-          *old = data;  // reuses the memory of its arrays
-        } else {
-          sample->data = data;
-        }
+        link->spare_data.assign(sample->data, data);
       });
     }
   }

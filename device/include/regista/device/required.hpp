@@ -31,15 +31,32 @@ struct RequiredCore {
   std::map<std::uint32_t, std::function<void(const Result<AnyReply>&)>> waiting;  ///< requests by number
   std::uint32_t requests_sent = 0;
 
+  Spares<AnyCommand> spare_commands;  ///< of `link->down`
+
+  /// False: the queue is full.
   template <typename Message>
-  bool post(std::size_t lane, Message&& message, const ReplyTo& to = {}) {
+  bool post(Message&& message, const ReplyTo& to = {}) {
+    return put(Mailbox<Inbound, 256>::no_lane, to, [&](auto& place) { place = std::forward<Message>(message); });
+  }
+  template <CommandType M>
+  bool command(const M& command) {
+    return put(lanes[AnyCommand{std::in_place_type<M>}.index()], {}, [&](auto& place) {
+      AnyCommand* any = std::get_if<AnyCommand>(&place);
+      if (any == nullptr) any = &place.template emplace<AnyCommand>();
+      spare_commands.assign(*any, command);
+    });
+  }
+
+ private:
+  template <typename Fill>
+  bool put(std::size_t lane, const ReplyTo& to, Fill&& fill) {
     if (link == nullptr) return false;
     const bool posted = link->down.put(lane, [&](Inbound& inbound) {
       inbound.session = session;
       inbound.port = port;
       inbound.arrived = now;
       inbound.reply_to = to;
-      inbound.message = std::forward<Message>(message);
+      fill(inbound.message);
     });
     if (posted) provider->notify();
     return posted;
@@ -67,9 +84,8 @@ class Required {
   template <CommandType M>
   bool send(const M& command) {
     static_assert(detail::contains<M, typename I::Messages>, "a command of another interface");
-    const AnyCommand any{command};
     core_->commanded = true;
-    return core_->post(core_->lanes[any.index()], any);
+    return core_->command(command);
   }
 
   /// Ask the device; `handle(const Result<M::Reply>&)` has the answer, once. Not when this returns false: queue full.
@@ -81,7 +97,7 @@ class Required {
                      .address = {.interface = core_->interface, .index = core_->index},
                      .subtype = M::message.subtype,
                      .sequence = number};
-    if (!core_->post(Mailbox<Inbound, 256>::no_lane, AnyRequest{request}, to)) return false;
+    if (!core_->post(AnyRequest{request}, to)) return false;
     core_->waiting.emplace(number, [handle = std::move(handle)](const Result<AnyReply>& answer) mutable {
       if (!answer) {
         handle(Result<typename M::Reply>{answer.error()});

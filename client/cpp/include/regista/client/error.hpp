@@ -22,7 +22,8 @@ enum class Errc {
 const std::error_category& error_category() noexcept;
 inline std::error_code make_error_code(Errc code) { return {static_cast<int>(code), error_category()}; }
 
-/// Codes of a refusal (NACK): the errno that the server gave, or `no_reason`. They compare equal to std::errc.
+/// Codes of a refusal (NACK): the errno that the server gave, or `no_reason`; the words stand in Error::what. They
+/// compare equal to std::errc.
 const std::error_category& refusal_category() noexcept;
 inline constexpr int no_reason = -1;
 
