@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <random>
 #include <regista/canopen/virtual_bus.hpp>
@@ -13,7 +14,7 @@ using namespace std::chrono_literals;
 
 /// A bus in memory and the stations on it; time passes only in run().
 struct Bench {
-  explicit Bench(int bit_rate = 1'000'000, std::size_t queue = 10) : bus{bit_rate, queue} {}
+  explicit Bench(int bit_rate = 1'000'000, std::size_t queue = 10) : bus{bit_rate, queue} { bus.on_time(now); }
 
   void join(VirtualBus::Port& port, Station& station) { members.emplace_back(&port, &station); }
 
