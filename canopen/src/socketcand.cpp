@@ -173,7 +173,7 @@ Result<> SocketCand::send(const CanFrame& frame) {
 
 Result<std::optional<ReceivedFrame>> SocketCand::receive() {
   while (true) {
-    const auto message = next_message(Time::min());
+    const auto message = next_message(Time{});
     if (!message) {
       if (message.error().code == std::errc::timed_out) return std::optional<ReceivedFrame>{};
       return message.error();
