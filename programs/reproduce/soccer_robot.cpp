@@ -26,22 +26,6 @@ const control::Kinematics& kinematics() {
   return of_the_robot;
 }
 
-/// The robot that he blames: wheels off their centre and gears of unequal friction. The figures are
-/// guesses, within what a workshop leaves, that make the wheels alone err as much as his did.
-sim::WheeledRobotParameters used_robot(std::uint64_t seed) {
-  sim::WheeledRobotParameters robot = sim::ssl_robot();
-  constexpr std::array off_centre_m{0.002, -0.003, 0.004, -0.001};
-  constexpr std::array gear_friction_nm{0.0, 0.065, 0.0, 0.025};
-  for (std::size_t i = 0; i < robot.wheels.size(); ++i) {
-    robot.wheels[i].x_m += off_centre_m[i];
-    robot.wheels[i].y_m -= off_centre_m[(i + 1) % 4];
-    robot.wheels[i].coulomb_nm = gear_friction_nm[i];
-  }
-  robot.rough_nm = 0.03;
-  robot.seed = seed;
-  return robot;
-}
-
 class OpenLoop final : public Pilot {
  public:
   void sense(const Senses&, Duration) override {}
@@ -176,7 +160,7 @@ class OurFusion final : public Tracking {
 World::World(std::uint64_t seed, Duration beat, const Disturbances& disturbances)
     : beat_{beat},
       disturbances_{disturbances},
-      robot_{used_robot(seed * 8 + 1)},
+      robot_{sim::used_ssl_robot(seed * 8 + 1)},
       imu_{{.accel_bias_walk_mps2_per_root_s = 0.003, .seed = seed * 8 + 2}},
       vision_{{.flip = disturbances.flip, .teleport = disturbances.teleport, .seed = seed * 8 + 3}} {
   zero_imu();

@@ -24,16 +24,16 @@ Integer rounded(double value) {
       std::lround(std::clamp(value, static_cast<double>(Limits::min()), static_cast<double>(Limits::max()))));
 }
 
-}  // namespace
-
-WheeledRobotParameters ssl_robot_on_one_board() {
-  WheeledRobotParameters robot = ssl_robot();
+/// One frame starts all wheels together.
+WheeledRobotParameters on_one_board(WheeledRobotParameters robot) {
   robot.hop_s = 0;
   return robot;
 }
 
+}  // namespace
+
 MotorBoard::MotorBoard(const MotorBoardParameters& parameters)
-    : parameters_{parameters}, robot_{parameters.robot}, imu_{parameters.imu} {
+    : parameters_{parameters}, robot_{on_one_board(parameters.robot)}, imu_{parameters.imu} {
   require(parameters.robot.wheels.size() == motor_board_wheels, "robot.wheels",
           static_cast<double>(parameters.robot.wheels.size()), "give four");
   require_positive("charge_s", parameters.charge_s);

@@ -4,18 +4,14 @@
 #include <regista/motor_board/board.h>
 
 #include <deque>
-#include <functional>
 #include <regista/motor_board/link.hpp>
 #include <regista/sim/imu.hpp>
 #include <regista/sim/wheeled_robot.hpp>
 
 namespace regista::sim {
 
-/// The soccer robot on a board that starts all wheels together, however many boards' places it takes.
-WheeledRobotParameters ssl_robot_on_one_board();
-
 struct MotorBoardParameters {
-  WheeledRobotParameters robot = ssl_robot_on_one_board();  ///< four wheels
+  WheeledRobotParameters robot = ssl_robot();  ///< four wheels; `hop_s` is 0, whatever it says
   ImuParameters imu = {};                                   ///< on the board, its x ahead
   bool has_imu = true;
   double charge_s = 2;  ///< of the kicker's capacitor, from empty to full, at constant power
@@ -53,9 +49,9 @@ class MotorBoard {
   std::deque<std::uint8_t> input_;
   std::deque<std::uint8_t> output_;
   Duration now_{};
-  Duration answered_{};   ///< when
-  Duration carried_{};    ///< of steps that were no whole millisecond
-  double charge_ = 0;     ///< of the capacitor's energy, 0 to 1
+  Duration answered_{};  ///< when
+  Duration carried_{};   ///< of steps that were no whole millisecond
+  double charge_ = 0;    ///< of the capacitor's energy, 0 to 1
   double dribbler_radps_ = 0;
   bool ball_ = false;
   double accel_x_sum_ = 0;  ///< since the last answer [m/s]
@@ -67,22 +63,23 @@ class MotorBoard {
 /// it answers comes with the next beat.
 class SimulatedLink final : public motor_board::BoardLink {
  public:
-  explicit SimulatedLink(MotorBoard& board) : board_{&board} {}
+  explicit SimulatedLink(const MotorBoardParameters& parameters = {}) : board_{parameters} {}
+  [[nodiscard]] MotorBoard& board() { return board_; }
 
   Result<> open() override { return {}; }
   void close() noexcept override {}
   Result<> send(std::span<const std::uint8_t> bytes) override {
-    board_->receive(bytes);
+    board_.receive(bytes);
     return {};
   }
   Result<std::size_t> receive(const Tick& tick, std::span<std::uint8_t> bytes) override {
-    board_->step(tick.dt);
-    return board_->transmit(bytes);
+    board_.step(tick.dt);
+    return board_.transmit(bytes);
   }
   [[nodiscard]] const std::string& name() const override { return name_; }
 
  private:
-  MotorBoard* board_;
+  MotorBoard board_;
   std::string name_ = "simulated";
 };
 
