@@ -23,6 +23,9 @@ bool motor_board_take(struct MotorBoard* board, uint8_t byte, uint32_t now_us) {
   if (!motor_board_unpack_command(board->parser.frame, &command)) return false;
   // A buffer that sends its last frame for ever must not keep the wheels turning.
   if (board->commanded && command.sequence == board->command.sequence) return false;
+  if (!board->commanded) {
+    for (int i = 0; i < motor_board_wheels; ++i) board->turned_us[i] = now_us;
+  }
   board->command = command;
   board->commanded_us = now_us;
   board->commanded = true;
