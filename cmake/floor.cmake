@@ -25,7 +25,7 @@ function(regista_floor name)
     add_library(${target} INTERFACE)
   endif()
   add_library(regista::${name} ALIAS ${target})
-  file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${folder}/include/*.hpp)
+  file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${folder}/include/*.hpp ${folder}/include/*.h)
   target_sources(${target} ${scope} FILE_SET HEADERS BASE_DIRS ${folder}/include FILES ${headers})
   target_compile_features(${target} ${scope} cxx_std_20)
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} REGISTA_LEVEL ${arg_LEVEL}

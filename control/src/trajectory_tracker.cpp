@@ -26,12 +26,12 @@ TrajectoryTracker::Output TrajectoryTracker::step(const Pose2d& estimate, const 
   bool restarted = !plan;
   if (plan) {
     restarted = distance(estimate, plan->at(elapsed).pose) > config_.restart_distance_m;
-    if (restarted || !(target == target_)) {
+    if (restarted || replans_ || !(target == target_)) {
       plan = planner_.plan(restarted ? MotionState{.pose = estimate, .velocity = commanded_} : plan->at(elapsed),
                            {.pose = target});
     }
   } else {
-    plan = planner_.plan({.pose = estimate}, {.pose = target});
+    plan = planner_.plan({.pose = estimate, .velocity = commanded_}, {.pose = target});
   }
   const bool sane_estimate = sane(estimate.x) && sane(estimate.y) && sane(estimate.heading);
   if (!plan || !sane_estimate) {
@@ -39,10 +39,11 @@ TrajectoryTracker::Output TrajectoryTracker::step(const Pose2d& estimate, const 
     return {.command = {}, .reference = {.pose = estimate}, .refused = true};
   }
 
-  const bool replanned = restarted || !(target == target_);
+  const bool replanned = restarted || replans_ || !(target == target_);
   if (restarted || distance(target, target_) > 0.3 * distance(estimate, target_)) clear_integrals();
   plan_ = plan;
   target_ = target;
+  replans_ = false;
   elapsed_ = replanned ? Duration{} : elapsed;
 
   const MotionState reference = plan_->at(elapsed_);
@@ -62,11 +63,20 @@ TrajectoryTracker::Output TrajectoryTracker::step(const Pose2d& estimate, const 
           .plan_ended = seconds(elapsed_) >= plan_->duration_s()};
 }
 
-void TrajectoryTracker::reset() {
+void TrajectoryTracker::reset(const FieldVelocity& moving) {
   plan_.reset();
   elapsed_ = {};
-  commanded_ = {};
+  commanded_ = moving;
   clear_integrals();
+}
+
+void TrajectoryTracker::limit_profile(double speed_mps, double turn_rate_radps) {
+  MotionLimits limits = planner_.limits();
+  if (limits.speed_mps == speed_mps && limits.turn_rate_radps == turn_rate_radps) return;
+  limits.speed_mps = speed_mps;
+  limits.turn_rate_radps = turn_rate_radps;
+  planner_ = MotionPlanner{limits};
+  replans_ = true;
 }
 
 void TrajectoryTracker::clear_integrals() {

@@ -78,6 +78,7 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
   states_.resize(setup_->ports.size());
   for (PortCore& port : setup_->ports) {
     PortState& state = states_[port.number];
+    if (port.sensor) options_.motion[port.number].sensor = true;
     for_each_alternative<AnyCommand>([&]<typename M>(std::size_t alternative) {
       if (M::message.interface != port.interface) return;
       const auto known = std::ranges::find(state.groups, M::message.group, &MotionGroup::group);
@@ -92,6 +93,12 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
     port.reply = [this](Reply&& reply) {
       Channel& asked_over = channels_[reply.to.link];
       if (reply.to.session != 0) put(asked_over, std::move(reply));
+    };
+    port.tell = [this, number = port.number](std::uint8_t severity, const std::string& text) {
+      broadcast(number, severity, title(setup_->ports[number]) + ": " + text);
+    };
+    port.stop = [this, number = port.number](const std::string& reason) {
+      for (MotionGroup& group : states_[number].groups) group.stop(0, reason, now_);
     };
   }
 }

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <regista/control/field_estimator.hpp>
 #include <regista/control/odometry.hpp>
 #include <regista/control/orientation_filter.hpp>
-#include <regista/control/rollback.hpp>
 #include <regista/control/trajectory_tracker.hpp>
 #include <regista/control/translation_filter.hpp>
 
@@ -24,22 +24,6 @@ constexpr double wheel_radius_m = 0.035;
 const control::Kinematics& kinematics() {
   static const auto of_the_robot = control::Kinematics::omni({pi / 4, 3 * pi / 4, 5 * pi / 4, 7 * pi / 4}, 0.08);
   return of_the_robot;
-}
-
-/// The robot that he blames: wheels off their centre and gears of unequal friction. The figures are
-/// guesses, within what a workshop leaves, that make the wheels alone err as much as his did.
-sim::WheeledRobotParameters used_robot(std::uint64_t seed) {
-  sim::WheeledRobotParameters robot = sim::ssl_robot();
-  constexpr std::array off_centre_m{0.002, -0.003, 0.004, -0.001};
-  constexpr std::array gear_friction_nm{0.0, 0.065, 0.0, 0.025};
-  for (std::size_t i = 0; i < robot.wheels.size(); ++i) {
-    robot.wheels[i].x_m += off_centre_m[i];
-    robot.wheels[i].y_m -= off_centre_m[(i + 1) % 4];
-    robot.wheels[i].coulomb_nm = gear_friction_nm[i];
-  }
-  robot.rough_nm = 0.03;
-  robot.seed = seed;
-  return robot;
 }
 
 class OpenLoop final : public Pilot {
@@ -76,21 +60,9 @@ class Tracking : public Pilot {
   control::TrajectoryTracker tracker_;
 };
 
-/// Ours: the plan's velocity fed forward, and gains as high as the chain's delay allows. No integral: what the boards'
-/// integrators leave is small, and ours would only overshoot.
-control::TrajectoryTrackerConfig our_tracker() {
-  auto config = control::TrajectoryTrackerConfig::published();
-  config.translation_proportional = 15;
-  config.translation_integral = 0;
-  config.rotation_proportional = 10;
-  config.rotation_integral = 0;
-  config.feed_forward = 1;
-  return config;
-}
-
 class OnWheels final : public Tracking {
  public:
-  OnWheels() : Tracking{our_tracker()} {}
+  OnWheels() : Tracking{control::TrajectoryTrackerConfig::fed_forward()} {}
   void sense(const Senses& senses, Duration beat) override {
     velocity_ = kinematics().body(senses.counted);
     odometry_.step(velocity_, beat);
@@ -160,43 +132,27 @@ class PublishedFusion final : public Tracking {
 class OurFusion final : public Tracking {
  public:
   OurFusion(bool vision, Gates gates)
-      : Tracking{our_tracker()},
-        vision_{vision},
-        translation_{control::TranslationFilter{{.acceleration_density = 5e-4, .gate = gate(gates)}}},
-        orientation_{control::OrientationFilter{{.rate_density = 1e-6, .bias_density = 1e-7, .gate = gate(gates)}}} {
-    translation_.correct(control::PositionMeasurement{.x = 0, .y = 0, .sd_m = vision_sd_m});
-    orientation_.correct({.heading_rad = 0, .sd_rad = vision_sd_rad});
-  }
+      : Tracking{control::TrajectoryTrackerConfig::fed_forward()}, vision_{vision}, estimator_{config(gates)} {}
   void sense(const Senses& senses, Duration beat) override {
-    orientation_.predict(senses.imu.rate_radps, beat);
-    const double heading = orientation_.filter().estimate().heading_rad;
-    const FieldVelocity accel =
-        to_field(BodyVelocity{.x = senses.imu.accel_x_mps2, .y = senses.imu.accel_y_mps2}, heading);
-    translation_.predict({.x = accel.x, .y = accel.y}, beat);
-    const FieldVelocity wheels = to_field(kinematics().body(senses.counted), heading);
-    translation_.correct(control::VelocityMeasurement{.x = wheels.x, .y = wheels.y, .sd_mps = wheels_sd_mps});
+    estimator_.predict({.accel_x_mps2 = senses.imu.accel_x_mps2,
+                        .accel_y_mps2 = senses.imu.accel_y_mps2,
+                        .rate_radps = senses.imu.rate_radps},
+                       beat);
+    estimator_.correct(kinematics().body(senses.counted));
     if (!vision_) return;
-    for (const sim::Detection& seen : senses.vision) {
-      orientation_.correct({.heading_rad = seen.pose.heading, .sd_rad = vision_sd_rad}, seen.age);
-      translation_.correct(control::PositionMeasurement{.x = seen.pose.x, .y = seen.pose.y, .sd_m = vision_sd_m},
-                           seen.age);
-    }
+    for (const sim::Detection& seen : senses.vision) estimator_.correct(seen.pose, seen.age);
   }
-  [[nodiscard]] control::MotionState estimate() const override {
-    const auto at = translation_.filter().estimate();
-    const auto turned = orientation_.filter().estimate();
-    return {.pose = {.x = at.x, .y = at.y, .heading = turned.heading_rad},
-            .velocity = {.x = at.vx, .y = at.vy, .w = turned.w_radps}};
-  }
+  [[nodiscard]] control::MotionState estimate() const override { return estimator_.estimate(); }
 
  private:
-  // One edge in a beat of 5 ms is 0.3 m/s at a wheel.
-  static constexpr double wheels_sd_mps = 0.15;
-  static double gate(Gates gates) { return gates == Gates::all ? 4 : no_gate; }
+  static control::FieldEstimatorConfig config(Gates gates) {
+    control::FieldEstimatorConfig config;
+    config.translation.gate = config.orientation.gate = gates == Gates::all ? 4 : no_gate;
+    return config;
+  }
 
   bool vision_;
-  control::Rollback<control::TranslationFilter, 128> translation_;
-  control::Rollback<control::OrientationFilter, 128> orientation_;
+  control::FieldEstimator estimator_;
 };
 
 }  // namespace
@@ -204,7 +160,7 @@ class OurFusion final : public Tracking {
 World::World(std::uint64_t seed, Duration beat, const Disturbances& disturbances)
     : beat_{beat},
       disturbances_{disturbances},
-      robot_{used_robot(seed * 8 + 1)},
+      robot_{sim::used_ssl_robot(seed * 8 + 1)},
       imu_{{.accel_bias_walk_mps2_per_root_s = 0.003, .seed = seed * 8 + 2}},
       vision_{{.flip = disturbances.flip, .teleport = disturbances.teleport, .seed = seed * 8 + 3}} {
   zero_imu();

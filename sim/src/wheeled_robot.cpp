@@ -72,6 +72,20 @@ WheeledRobotParameters ssl_robot() {
   return parameters;
 }
 
+WheeledRobotParameters used_ssl_robot(std::uint64_t seed) {
+  WheeledRobotParameters robot = ssl_robot();
+  constexpr std::array off_centre_m{0.002, -0.003, 0.004, -0.001};
+  constexpr std::array gear_friction_nm{0.0, 0.065, 0.0, 0.025};
+  for (std::size_t i = 0; i < robot.wheels.size(); ++i) {
+    robot.wheels[i].x_m += off_centre_m[i];
+    robot.wheels[i].y_m -= off_centre_m[(i + 1) % 4];
+    robot.wheels[i].coulomb_nm = gear_friction_nm[i];
+  }
+  robot.rough_nm = 0.03;
+  robot.seed = seed;
+  return robot;
+}
+
 WheeledRobotParameters skid_steer_robot(double track_m, double wheelbase_m, double mass_kg) {
   WheeledRobotParameters parameters{.mass_kg = mass_kg,
                                     .inertia_kg_m2 = mass_kg * (track_m * track_m + wheelbase_m * wheelbase_m) / 12};

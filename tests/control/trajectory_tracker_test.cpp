@@ -116,5 +116,28 @@ TEST(TrajectoryTracker, names_the_value_that_it_refuses) {
   EXPECT_THROW(TrajectoryTracker{TrajectoryTrackerConfig{}}, std::invalid_argument);
 }
 
+TEST(TrajectoryTracker, goes_on_at_the_velocity_that_the_robot_has) {
+  TrajectoryTracker tracker{TrajectoryTrackerConfig::fed_forward()};
+  tracker.reset({.x = 0.5});
+  const auto output = tracker.step({}, {.x = 2}, dt);
+  EXPECT_NEAR(output.command.x, 0.5, 1e-9);
+}
+
+TEST(TrajectoryTracker, slows_down_to_a_new_limit_without_a_jump) {
+  const auto config = TrajectoryTrackerConfig::fed_forward();
+  TrajectoryTracker tracker{config};
+  Pose2d pose;
+  double before = 0;
+  for (int i = 0; i < 400; ++i) {
+    if (i == 100) tracker.limit_profile(0.2, 1);
+    const double is = tracker.step(pose, {.x = 2}, dt).command.x;
+    EXPECT_LE(std::abs(is - before), config.profile.acceleration_mps2 * seconds(dt) + 1e-9) << i;
+    if (i > 150) EXPECT_LE(is, 0.2 + 1e-9);
+    before = is;
+    pose.x += is * seconds(dt);
+  }
+  EXPECT_THROW(tracker.limit_profile(0, 1), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace regista::control

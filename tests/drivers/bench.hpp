@@ -5,6 +5,7 @@
 #include <regista/device/host.hpp>
 #include <regista/server/config_file.hpp>
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,12 +24,12 @@ class Bench {
     return Bench{keys, [](Setup& setup) -> std::unique_ptr<Driver> { return std::make_unique<D>(setup); }};
   }
 
-  Bench(const std::string& keys, std::unique_ptr<Driver> (*create)(Setup&)) {
+  Bench(const std::string& keys, const std::function<std::unique_ptr<Driver>(Setup&)>& create, double rate_hz = 100) {
     auto setup =
         std::make_unique<Setup>(parse_config("driver ( name \"driver\" " + keys + " )", "test.cfg").drivers.at(0));
     auto driver = create(*setup);
     host_ = std::make_unique<DriverHost>("driver", std::move(setup), std::move(driver),
-                                         HostOptions{.rate_hz = 100, .motion = {}});
+                                         HostOptions{.rate_hz = rate_hz, .motion = {}});
     link_ = &host_->add_link(&woken_);
     for (std::size_t port = 0; port < host_->ports().size(); ++port) {
       subscribed_ = request(player::Subscribe{.access = player::Access::open}, port);

@@ -31,6 +31,18 @@ struct TrajectoryTrackerConfig {
         .turn_rate_limit_radps = 2,
         .feed_forward = 0};
   }
+
+  /// Ours, on the same profile: the plan's velocity fed forward, and gains as high as the chain's delay allows. No
+  /// integral: what the boards' integrators leave is small, and ours would only overshoot.
+  static TrajectoryTrackerConfig fed_forward() {
+    TrajectoryTrackerConfig config = published();
+    config.translation_proportional = 15;
+    config.translation_integral = 0;
+    config.rotation_proportional = 10;
+    config.rotation_integral = 0;
+    config.feed_forward = 1;
+    return config;
+  }
 };
 
 /// Brings an omnidirectional robot to a target: plans a move, and commands the velocity that keeps the robot on it.
@@ -50,8 +62,12 @@ class TrajectoryTracker {
   /// one that differs by more than 30 % of the way still to go clears the integrals (Holtzhausen's rule).
   [[nodiscard]] Output step(const Pose2d& estimate, const Pose2d& target, Duration dt);
 
-  /// Forget plan and integrals: the next step starts from the estimate, at rest.
-  void reset();
+  /// Forget plan and integrals: the next step starts from the estimate, at the velocity that the robot has.
+  void reset(const FieldVelocity& moving = {});
+
+  /// Plan no faster than this from now on, [m/s, rad/s]; the next step goes on from the plan before, without a jump.
+  /// Throws std::invalid_argument for what is not positive.
+  void limit_profile(double speed_mps, double turn_rate_radps);
 
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
 
@@ -65,6 +81,7 @@ class TrajectoryTracker {
   PiController heading_;
   std::optional<MotionPlan> plan_;
   Pose2d target_;
+  bool replans_ = false;  ///< the limits have changed
   Duration elapsed_{};
   FieldVelocity commanded_;
   std::uint64_t refused_ = 0;

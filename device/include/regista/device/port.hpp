@@ -18,6 +18,7 @@ struct PortCore {
   std::string host;        ///< "robot7:6665": it stands for a device of that server; empty: it is here
   bool offered = false;    ///< named in `provides`
   std::size_t number = 0;  ///< among the driver's ports
+  bool sensor = false;     ///< its commands are measurements, whatever the .cfg says
 
   std::array<CommandHandler, std::variant_size_v<AnyCommand>> commands;
   std::array<RequestHandler, std::variant_size_v<AnyRequest>> requests;
@@ -26,7 +27,9 @@ struct PortCore {
   std::vector<Link*> listeners;
   std::array<std::size_t, std::variant_size_v<AnyData>> lanes{};
   std::function<void(Reply&&)> reply;
-  Time now;  ///< of the beat, for samples without a time of their own
+  std::function<void(std::uint8_t severity, const std::string& text)> tell;
+  std::function<void(const std::string& reason)> stop;
+  Time now;  ///< of the present call, for samples without a time of their own
   Measured last{};
 
   template <DataType D>
@@ -136,6 +139,16 @@ class Port {
     static_assert(detail::contains<D, typename I::Messages>, "data of another interface");
     core_->send(data, measured);
   }
+
+  /// Of the present call, for handlers: when the command came, within the time that it takes to wake a thread.
+  [[nodiscard]] Time now() const { return core_->now; }
+
+  /// An event for the clients and the log: 0 to know, 1 to beware of, 2 a failure. Seldom: every one is delivered.
+  void tell(std::uint8_t severity, const std::string& text) { core_->tell(severity, text); }
+  /// Bring the device to rest by the rules of motion, as if somebody had asked for it; `reason` follows "stopped: ".
+  void stop(const std::string& reason) { core_->stop(reason); }
+  /// Commands to this device are measurements: no lease, owner, limits, or stop made up for them. In the constructor.
+  void takes_measurements() { core_->sensor = true; }
 
   /// Whether the `.cfg` offers this device; sending to nobody is harmless.
   [[nodiscard]] bool offered() const { return core_->offered; }

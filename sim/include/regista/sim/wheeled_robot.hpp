@@ -44,6 +44,9 @@ struct WheeledRobotParameters {
 Wheel omni_wheel(double angle_rad, double distance_m);
 /// The soccer robot of Holtzhausen 2013: four omni wheels at 45° + k·90°, 80 mm out, 3 kg, gear 9, wheels of 35 mm.
 WheeledRobotParameters ssl_robot();
+/// The same as Holtzhausen blames it: wheels off their centre and gears of unequal friction. The figures are guesses,
+/// within what a workshop leaves, that make the wheels alone err as much as his did.
+WheeledRobotParameters used_ssl_robot(std::uint64_t seed);
 /// Four fixed wheels: front left, front right, rear left, rear right. They skid when the robot turns.
 WheeledRobotParameters skid_steer_robot(double track_m, double wheelbase_m, double mass_kg);
 /// Two fixed wheels, left and right, and a castor without friction.
