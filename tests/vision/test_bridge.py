@@ -110,7 +110,7 @@ def test_robots_are_told_through_a_real_server(tmp_path):
 def test_halt_stops_robots_whoever_drives_them(tmp_path):
     folder = tmp_path / "server"
     folder.mkdir()
-    with Server(folder, keys="lease 2") as server, contextlib.closing(Client(server.port)) as driver:
+    with Server(folder, keys="lease 0.5") as server, contextlib.closing(Client(server.port)) as driver:
         driver.open()
         driver.pull()
         with Bridge(tmp_path, [("blue", 3, server.port, 0)]) as bridge:
@@ -130,6 +130,7 @@ def test_halt_stops_robots_whoever_drives_them(tmp_path):
             assert name == "halt" or not any(numbers)
             bridge.referee.send(referee(3, 2))
             wait_for(lambda: not bridge.status()["referee"]["halt"])
+            time.sleep(0.5 + NOISE)  # who was stopped must pause for a lease: docs/policies.md
             free = time.monotonic()
             driver.velocity(0.75)
             server.driven(0.75, since=free)
