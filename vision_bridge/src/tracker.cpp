@@ -14,7 +14,7 @@ constexpr Duration lifetime = 1s;           ///< of a robot or ball that nobody 
 constexpr Duration longest_prediction = 250ms;
 constexpr Duration longest_mirrored = 1s;   ///< after that the field really is the other way round
 constexpr Duration late_enough = 50ms;      ///< older measurements are of no use
-constexpr Duration candidate_silent = 60ms;
+constexpr Duration candidate_silent = 120ms;  ///< then it was nothing
 
 constexpr double gate_m = 0.05;          ///< within a frame even a robot that is hit stays within this …
 constexpr double new_camera_gate_m = 0.12;  ///< … for a camera whose offset is not known yet
@@ -227,13 +227,13 @@ bool Tracker::correct(Robot& robot, const ssl::DetectedRobot& seen, std::size_t 
 void Tracker::suspect(Robot& robot, const ssl::DetectedRobot& seen, std::size_t camera, Time now) {
   Candidate& candidate = robot.candidate;
   const Pose2d pose{.x = seen.x_m, .y = seen.y_m, .heading = seen.heading_rad.value_or(candidate.pose.heading)};
-  const double dt = std::max(0.0, seconds(now - candidate.last));
   if (robot.shown && robot.seen_whole >= candidate.first) candidate = {};  // it was as believed since
-  const bool agrees = now - candidate.last < 2 * candidate_silent &&
-                      distance(pose, candidate.pose) < new_camera_gate_m + fastest_mps * dt &&
+  const bool is_fresh = now - candidate.last < candidate_silent;
+  const double dt = std::max(0.0, seconds(now - candidate.last));
+  const bool agrees = is_fresh && distance(pose, candidate.pose) < new_camera_gate_m + fastest_mps * dt &&
                       std::abs(angle_between(candidate.pose.heading, pose.heading)) < widest_gate_rad;
   if (!agrees) {
-    if (now - candidate.last < candidate_silent) return;  // one of the two is wrong: the first may go on
+    if (is_fresh && --candidate.hits > 0) return;  // one of the two is wrong: the one seen more often goes on
     candidate = {.pose = pose, .first = now, .last = now, .hits = 1};
     return;
   }
@@ -241,8 +241,12 @@ void Tracker::suspect(Robot& robot, const ssl::DetectedRobot& seen, std::size_t 
   candidate.pose = pose;
   candidate.last = std::max(candidate.last, now);
   if (is_new_frame) ++candidate.hits;
-  if (candidate.hits < config_.frames_to_show) return;
-  if (is_taken(robot, pose, candidate.first, robot_radius_m)) {
+  // Where another robot is believed to be it may also be that one, misread; and where only the heading is new, a few
+  // misread patterns in a row.
+  const bool is_crowded = is_taken(robot, pose, now - 300ms, robot_radius_m);
+  const bool is_turn = robot.shown && robot.seen == now;
+  if (candidate.hits < (is_crowded || is_turn ? 2 : 1) * config_.frames_to_show) return;
+  if (is_crowded && is_taken(robot, pose, candidate.first, robot_radius_m)) {
     ++counters_.misread;
     return;
   }
@@ -300,7 +304,6 @@ std::optional<RobotEstimate> Tracker::predict(ssl::RobotId id, Time at) const {
 // ---- The ball
 
 void Tracker::take_balls(std::span<const ssl::DetectedBall> balls, std::size_t camera, Time now) {
-  constexpr int frames_to_show = 3;
   if (ball_.shown && now - ball_.seen > lifetime) ball_.shown = false;
   const double sd = cameras_[camera].position_noise.sd();
   const ssl::DetectedBall* nearest = nullptr;
@@ -330,27 +333,36 @@ void Tracker::take_balls(std::span<const ssl::DetectedBall> balls, std::size_t c
     ball_.seen = std::max(ball_.seen, now);
     return;
   }
-  for (const ssl::DetectedBall& ball : balls) {
-    if (!in_field(ball.x_m, ball.y_m)) continue;
-    Candidate& candidate = ball_.candidate;
-    const double dt = std::max(0.0, seconds(now - candidate.last));
-    const double off = std::sqrt(squared_distance(ball.x_m, ball.y_m, candidate.pose.x, candidate.pose.y));
-    if (now - candidate.last >= 2 * candidate_silent || off > new_camera_gate_m + ball_gate_mps * dt) {
-      if (now - candidate.last < candidate_silent) continue;
+  suspect_ball(balls, camera, now);
+}
+
+/// As with robots; but there may be several balls, and reflections that look like one.
+void Tracker::suspect_ball(std::span<const ssl::DetectedBall> balls, std::size_t camera, Time now) {
+  if (balls.empty()) return;
+  Candidate& candidate = ball_.candidate;
+  const bool is_fresh = now - candidate.last < candidate_silent;
+  const double reach = new_camera_gate_m + ball_gate_mps * std::max(0.0, seconds(now - candidate.last));
+  const auto agrees = [&](const ssl::DetectedBall& ball) {
+    return squared_distance(ball.x_m, ball.y_m, candidate.pose.x, candidate.pose.y) < square(reach);
+  };
+  const auto found = is_fresh ? std::ranges::find_if(balls, agrees) : balls.end();
+  if (found == balls.end()) {
+    if (is_fresh && --candidate.hits > 0) return;
+    const ssl::DetectedBall& ball = balls[ball_.turn++ % balls.size()];
+    if (in_field(ball.x_m, ball.y_m))
       candidate = {.pose = {.x = ball.x_m, .y = ball.y_m}, .first = now, .last = now, .hits = 1};
-      continue;
-    }
-    if (now - candidate.last > 3ms) ++candidate.hits;
-    candidate.pose = {.x = ball.x_m, .y = ball.y_m};
-    candidate.last = std::max(candidate.last, now);
-    if (candidate.hits < frames_to_show || (ball_.shown && ball_.seen >= candidate.first)) continue;
-    ball_.shown = true;
-    ball_.at = ball_.seen = now;
-    ball_.z = ball.z_m;
-    ball_.position.start(Point{ball.x_m, ball.y_m}, sd, camera, now);
-    candidate = {};
     return;
   }
+  if (now - candidate.last > 3ms) ++candidate.hits;
+  candidate.pose = {.x = found->x_m, .y = found->y_m};
+  candidate.last = std::max(candidate.last, now);
+  constexpr int frames_to_show = 3;
+  if (candidate.hits < frames_to_show || (ball_.shown && ball_.seen >= candidate.first)) return;
+  ball_.shown = true;
+  ball_.at = ball_.seen = now;
+  ball_.z = found->z_m;
+  ball_.position.start(Point{found->x_m, found->y_m}, cameras_[camera].position_noise.sd(), camera, now);
+  candidate = {};
 }
 
 std::optional<BallEstimate> Tracker::predict_ball(Time at) const {

@@ -35,8 +35,8 @@ struct Detection {
   std::uint32_t frame_number = 0;
   double t_capture_s = 0;  ///< by a clock that nobody knows: only differences mean something
   double t_sent_s = 0;     ///< by the same clock
-  std::vector<DetectedRobot> robots;
-  std::vector<DetectedBall> balls;
+  std::vector<DetectedRobot> robots{};
+  std::vector<DetectedBall> balls{};
   std::size_t unusable = 0;  ///< robots and balls without id or place, or with absurd ones: left out above
 };
 
@@ -44,8 +44,8 @@ struct Geometry {
   double length_m = 0;    ///< of the playing field, along x
   double width_m = 0;     ///< along y
   double boundary_m = 0;  ///< around it
-  std::vector<std::uint32_t> cameras;
-  std::optional<double> rolling_mps2;  ///< how the ball loses speed when it rolls; positive
+  std::vector<std::uint32_t> cameras{};
+  std::optional<double> rolling_mps2{};  ///< how the ball loses speed when it rolls; positive
   bool is_2010 = false;                ///< was in the layout that SSL-Vision used until 2013
 };
 

@@ -24,7 +24,8 @@ struct MotionModel {
 ///
 /// Model: constant velocity, white noise on the acceleration (Bar-Shalom, Li, Kirubarajan 2001, "Estimation with
 /// Applications to Tracking and Navigation", 6.2.2); at rest instead a constant, so that noise is averaged over half a
-/// second. It leaves rest when the mean of the last six or so innovations is beyond what noise does.
+/// second. It leaves rest when the mean of the last six or so innovations is beyond what noise does. What is six
+/// deviations off is believed when it comes three times in a row.
 ///
 /// Each camera has an offset to the estimate, which starts as what it saw first and relaxes until those that see it at
 /// present have none on average: so it moves steadily from the view of one camera into that of the next, however these
@@ -46,6 +47,7 @@ class Fusion {
     mean_velocity_.setZero();
     mean_innovation_.setZero();
     resting_ = false;
+    surprises_ = 0;
     calm_s_ = 0;
     started_ = now;
     views_.fill({});
@@ -88,8 +90,7 @@ class Fusion {
     view.seen = now;
     const Value innovation = raw - view.offset;
     sd_ = sd;
-    take(innovation, sd);
-    agree(view, innovation, dt, now);
+    if (take(innovation, sd)) agree(view, innovation, dt, now);
   }
 
   [[nodiscard]] Value value() const { return filter_.x.row(0); }
@@ -114,6 +115,7 @@ class Fusion {
     bool known = false;
   };
 
+  static constexpr int believed_surprises = 3;
   static constexpr double mean_s = 0.15;
   static constexpr double calm_enough_s = 0.2;
   /// What noise of 1 unit looks like in `mean_velocity_` [1/s]: √2 over `mean_s` is 9.
@@ -123,17 +125,24 @@ class Fusion {
   static constexpr Duration young = std::chrono::milliseconds{100};
   static constexpr double young_s = 0.015;
 
-  void take(const Value& innovation, double sd) {
+  /// False: too surprising to be believed at once.
+  bool take(Value innovation, double sd) {
+    const double size = innovation.norm();
+    if (size > 6 * std::sqrt(filter_.p(0, 0) + sd * sd)) {
+      if (++surprises_ < believed_surprises) return false;
+      leave_rest(size);  // pushed or kicked
+    }
+    surprises_ = 0;
     if (resting_) {
+      if (size > 4 * sd) innovation *= 4 * sd / size;  // one outlier does not move it
       // The mean has a deviation of 0.3 sd: five of them are not noise.
       mean_innovation_ += (innovation - mean_innovation_) / 6;
       if (mean_innovation_.norm() > 1.5 * sd) leave_rest(innovation.norm());
     }
     using One = Eigen::Matrix<double, 1, 1>;
-    const double deviation = std::sqrt(filter_.p(0, 0) + sd * sd);
-    if (!resting_ && innovation.norm() > 6 * deviation) leave_rest(innovation.norm());  // pushed or kicked
     (void)filter_.template correct<1>(innovation, Eigen::Matrix<double, 1, 2>{1, 0}, One{sd * sd},
                                       std::numeric_limits<double>::infinity());
+    return true;
   }
 
   void agree(View& view, const Value& innovation, double dt, Time now) {
@@ -173,6 +182,7 @@ class Fusion {
   Value mean_velocity_ = Value::Zero();
   Value mean_innovation_ = Value::Zero();
   std::array<View, max_cameras> views_{};
+  int surprises_ = 0;  ///< in a row
   double sd_ = 0;
   double calm_s_ = 0;
   Time started_{};

@@ -19,7 +19,7 @@ struct TrackerConfig {
   /// of an image, ER-Force's simulator hides 25 ms.
   Duration delay = std::chrono::milliseconds{0};
   MotionModel position{.density = 1, .speed_sd = 1.5, .rest_speed = 0.01};  ///< metres
-  MotionModel heading{.density = 20, .speed_sd = 8, .rest_speed = 0.05};    ///< radians
+  MotionModel heading{.density = 20, .speed_sd = 8, .rest_speed = 0.05, .time_constant_s = 0.8};  ///< radians
   MotionModel ball{.density = 4, .speed_sd = 4, .rest_speed = 0.01};        ///< metres
   int frames_to_show = 5;        ///< that agree, before a robot is believed: in fewer there may be ghosts
   double field_margin_m = 0.5;   ///< beyond the boundary nothing is believed
@@ -153,6 +153,7 @@ class Tracker {
     Time at{};
     Time seen{};
     double z = 0;
+    std::size_t turn = 0;  ///< which of several balls to try next
     Fusion<2> position;
     Candidate candidate;
   };
@@ -166,6 +167,7 @@ class Tracker {
   void suspect(Robot& robot, const ssl::DetectedRobot& seen, std::size_t camera, Time now);
   bool is_taken(const Robot& self, const Pose2d& pose, Time since, double nearer_than) const;
   void take_balls(std::span<const ssl::DetectedBall> balls, std::size_t camera, Time now);
+  void suspect_ball(std::span<const ssl::DetectedBall> balls, std::size_t camera, Time now);
   bool in_field(double x, double y) const;
   static std::size_t index(ssl::RobotId id) {
     return id.number + (id.team == ssl::Team::blue ? std::size_t{ssl::robots_per_team} : 0);
