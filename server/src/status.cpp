@@ -3,6 +3,7 @@
 #include <asio/read_until.hpp>
 #include <asio/write.hpp>
 #include <nlohmann/json.hpp>
+#include <regista/metrics/prometheus.hpp>
 
 #include "impl.hpp"
 
@@ -13,27 +14,6 @@ namespace {
 using nlohmann::ordered_json;
 
 double microseconds(Duration duration) { return 1e6 * seconds(duration); }
-
-/// Each number below `json` as a line of Prometheus' text format; names of objects in lists become labels.
-void expose(std::string& out, const std::string& name, const std::string& labels, const ordered_json& json) {
-  if (json.is_number() || json.is_boolean()) {
-    const ordered_json value = json.is_boolean() ? ordered_json(json.get<bool>() ? 1 : 0) : json;
-    out += name + (labels.empty() ? "" : '{' + labels + '}') + ' ' + value.dump() + '\n';
-  } else if (json.is_object()) {
-    for (const auto& [key, value] : json.items()) expose(out, name + '_' + key, labels, value);
-  } else if (json.is_array()) {
-    for (const ordered_json& element : json) {
-      std::string label;
-      for (const char* key : {"id", "device", "name", "group"}) {
-        if (!element.is_object() || !element.contains(key)) continue;
-        const ordered_json& value = element[key];
-        label += (label.empty() ? "" : ",") + std::string{key} + '=' +
-                 (value.is_string() ? value.dump() : '"' + value.dump() + '"');
-      }
-      expose(out, name, labels.empty() || label.empty() ? labels + label : labels + ',' + label, element);
-    }
-  }
-}
 
 }  // namespace
 
@@ -112,9 +92,7 @@ ordered_json Server::Impl::status(Time now) const {
 }
 
 std::string Server::Impl::metrics(Time now) const {
-  std::string text;
-  expose(text, "regista", "", status(now));
-  return text;
+  return prometheus_text("regista", status(now).dump());
 }
 
 void Server::Impl::serve_metrics(asio::ip::tcp::socket socket) {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <regista/device/host.hpp>
-#include <regista/server/config_file.hpp>
+#include <regista/device/config_file.hpp>
 
 #include <functional>
 #include <memory>

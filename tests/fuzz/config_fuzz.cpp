@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <regista/server/config_file.hpp>
+#include <regista/device/config_file.hpp>
 
 #include <cstdint>
 #include <cstdlib>

@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 MAY_INCLUDE = {
     "core": [],
+    "metrics": [],
     "interfaces": ["core"],
     "xdr": ["interfaces", "core"],
     "device": ["interfaces", "core"],
@@ -26,9 +27,9 @@ MAY_INCLUDE = {
     "motor_board": ["core"],
     "sim": ["motor_board", "core"],
     "client/cpp": ["xdr", "interfaces", "core"],
-    "server": ["device", "xdr", "interfaces", "core", "client/cpp"],
-    "testing": ["server", "client/cpp", "device", "xdr", "interfaces", "core"],
-    "vision_bridge": ["client/cpp", "xdr", "interfaces", "ssl", "control", "core"],
+    "server": ["device", "xdr", "interfaces", "core", "client/cpp", "metrics"],
+    "testing": ["server", "client/cpp", "device", "xdr", "interfaces", "core", "metrics"],
+    "vision_bridge": ["ssl", "control", "core"],
 }
 
 # Header prefix: the folders that may name it. No public header of core, interfaces or device is among them.
@@ -43,7 +44,7 @@ HOMES = {
     "spdlog/": ["server", "programs", "vision_bridge"],
     "fmt/": ["server", "programs", "vision_bridge"],
     "CLI/": ["server", "programs", "vision_bridge"],
-    "nlohmann/": ["server", "programs", "vision_bridge"],
+    "nlohmann/": ["metrics/src", "server", "programs", "vision_bridge"],
     "pybind11/": ["client/python"],
 }
 STD_ONLY = ["core/include", "interfaces/include", "device/include"]

@@ -6,7 +6,7 @@
 #include <functional>
 #include <memory>
 #include <regista/device/plugin.hpp>
-#include <regista/server/config_file.hpp>
+#include <regista/device/config_file.hpp>
 #include <string>
 #include <vector>
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <regista/core/result.hpp>
 #include <regista/device/config.hpp>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -32,5 +33,10 @@ ConfigFile read_config(const std::filesystem::path& file);
 
 /// The same for a text in memory. `name` stands for the file: in errors, and as that which includes are relative to.
 ConfigFile parse_config(std::string_view text, const std::string& name, const Loader& load = load_file);
+
+/// The same language for another program, whose sections have these types: all of them, in the order of the file.
+std::vector<Section> read_sections(const std::filesystem::path& file, std::span<const std::string_view> types);
+std::vector<Section> parse_sections(std::string_view text, const std::string& name,
+                                    std::span<const std::string_view> types, const Loader& load = load_file);
 
 }  // namespace regista

@@ -7,7 +7,7 @@
 #include <memory>
 #include <numbers>
 #include <optional>
-#include <regista/server/config_file.hpp>
+#include <regista/device/config_file.hpp>
 #include <utility>
 
 namespace regista {
@@ -189,10 +189,10 @@ class Lexer {
   Place place_;
 };
 
-/// Builds a ConfigFile from one text and those that it includes.
+/// Reads sections of the given types from one text and those that it includes.
 class Parser {
  public:
-  explicit Parser(const Loader& load) : load_{load} {}
+  Parser(const Loader& load, std::span<const std::string_view> types) : load_{load}, types_{types} {}
 
   void parse_file(std::string_view text, const std::string& name) {
     if (text.size() > max_file_bytes) throw ConfigError{{name}, "longer than 1 MiB"};
@@ -203,13 +203,12 @@ class Parser {
     files_.pop_back();
   }
 
-  ConfigFile finish(const std::string& name) {
-    if (!config_.server.place().line) config_.server = Section{"server", {name, 1, 1}};
+  std::vector<Section> finish() {
     const Units units = read_units();
-    config_.server.set_units(units);
-    for (Section& driver : config_.drivers) driver.set_units(units);
-    return std::move(config_);
+    for (Section& section : sections_) section.set_units(units);
+    return std::move(sections_);
   }
+  [[nodiscard]] std::vector<Value>& plugins() { return plugins_; }
 
  private:
   /// Each of these takes a statement's first token, and gives the first one behind the statement.
@@ -221,7 +220,7 @@ class Parser {
     if (first.text == "define") return parse_template(lexer, first);
     const Token second = lexer.next();
     if (second.type == Token::Type::open) {
-      keep(parse_section(lexer, first));
+      sections_.push_back(parse_section(lexer, first));
       return lexer.next();
     }
     if (is_section(first.text) && !begins_value(first, second))
@@ -250,7 +249,7 @@ class Parser {
     if (name.type != Token::Type::string || name.place.line != keyword.place.line)
       throw ConfigError{keyword.place, "plugin needs a name in quotes on its line: plugin \"my_driver\""};
     charge(value_cost, name.place);
-    config_.plugins.push_back({Value::Type::text, std::string{name.text}, name.place});
+    plugins_.push_back({Value::Type::text, std::string{name.text}, name.place});
     return lexer.next();
   }
 
@@ -350,17 +349,6 @@ class Parser {
     return value;
   }
 
-  void keep(Section section) {
-    if (section.type() == "driver") {
-      config_.drivers.push_back(std::move(section));
-    } else if (config_.server.place().line) {
-      throw ConfigError{section.place(),
-                        "a second section 'server'; the first is at " + to_string(config_.server.place())};
-    } else {
-      config_.server = std::move(section);
-    }
-  }
-
   [[nodiscard]] Units read_units() const {
     Units units;
     const std::string length = globals_.text("unit_length", "m");
@@ -380,17 +368,19 @@ class Parser {
     return units;
   }
 
-  static bool is_section(std::string_view word) { return word == "driver" || word == "server"; }
+  [[nodiscard]] bool is_section(std::string_view word) const { return std::ranges::find(types_, word) != types_.end(); }
   static bool is_keyword(std::string_view word) {
     return word == "include" || word == "plugin" || word == "define" || word == "interface";
   }
 
   [[nodiscard]] std::string unknown_section(std::string_view type) const {
-    std::vector<std::string> known{"driver", "server"};
+    std::vector<std::string> known{types_.begin(), types_.end()};
     for (const auto& [name, section] : templates_) known.push_back(name);
-    const std::string text = "unknown section " + in_quotes(type);
+    std::string text = "unknown section " + in_quotes(type);
     if (const std::string hint = did_you_mean(type, known); !hint.empty()) return text + hint;
-    return text + "; known are 'driver', 'server' and what define has named before";
+    text += "; known are ";
+    for (const std::string_view name : types_) text += (name == types_.front() ? "" : ", ") + in_quotes(name);
+    return text + " and what define has named before";
   }
 
   static void require_key(const Token& token) {
@@ -426,12 +416,28 @@ class Parser {
   }
 
   const Loader& load_;
+  std::span<const std::string_view> types_;
   std::vector<std::string> files_;  ///< open now, the innermost last
   std::size_t total_bytes_ = 0;
   Section globals_{"(outside of sections)", {}};
   std::map<std::string, Section, std::less<>> templates_;
-  ConfigFile config_;
+  std::vector<Section> sections_;
+  std::vector<Value> plugins_;
 };
+
+/// A Parser that has read all.
+Parser parsed(std::string_view text, const std::string& name, const Loader& load,
+              std::span<const std::string_view> types) {
+  Parser parser{load, types};
+  parser.parse_file(text, std::filesystem::path{name}.lexically_normal().string());
+  return parser;
+}
+
+std::string text_of(const std::filesystem::path& file) {
+  auto text = load_file(file);
+  if (!text) throw ConfigError{{file.string()}, text.error().code.message()};
+  return *std::move(text);
+}
 
 }  // namespace
 
@@ -449,15 +455,34 @@ Result<std::string> load_file(const std::filesystem::path& file) {
 }
 
 ConfigFile parse_config(std::string_view text, const std::string& name, const Loader& load) {
-  Parser parser{load};
-  parser.parse_file(text, std::filesystem::path{name}.lexically_normal().string());
-  return parser.finish(name);
+  constexpr std::array<std::string_view, 2> types{"driver", "server"};
+  Parser parser = parsed(text, name, load, types);
+  ConfigFile config{.server = {}, .drivers = {}, .plugins = std::move(parser.plugins())};
+  for (Section& section : parser.finish()) {
+    if (section.type() == "driver") {
+      config.drivers.push_back(std::move(section));
+    } else if (config.server.place().line) {
+      throw ConfigError{section.place(),
+                        "a second section 'server'; the first is at " + to_string(config.server.place())};
+    } else {
+      config.server = std::move(section);
+    }
+  }
+  if (!config.server.place().line) config.server = Section{"server", {name, 1, 1}};
+  return config;
 }
 
-ConfigFile read_config(const std::filesystem::path& file) {
-  const auto text = load_file(file);
-  if (!text) throw ConfigError{{file.string()}, text.error().code.message()};
-  return parse_config(*text, file.string());
+ConfigFile read_config(const std::filesystem::path& file) { return parse_config(text_of(file), file.string()); }
+
+std::vector<Section> parse_sections(std::string_view text, const std::string& name,
+                                    std::span<const std::string_view> types, const Loader& load) {
+  Parser parser = parsed(text, name, load, types);
+  if (!parser.plugins().empty()) throw ConfigError{parser.plugins().front().place, "plugins are for regista-server"};
+  return parser.finish();
+}
+
+std::vector<Section> read_sections(const std::filesystem::path& file, std::span<const std::string_view> types) {
+  return parse_sections(text_of(file), file.string(), types);
 }
 
 }  // namespace regista

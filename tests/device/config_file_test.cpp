@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
-#include <regista/server/config_file.hpp>
+#include <regista/device/config_file.hpp>
 
 #include <map>
 
@@ -330,6 +330,17 @@ TEST(ParseConfig, refuses_every_bad_file_in_the_words_that_it_names) {
     ++count;
   }
   EXPECT_GE(count, 10);
+}
+
+TEST(ConfigFile, of_another_program_has_sections_of_its_own) {
+  constexpr std::array<std::string_view, 2> types{"vision", "robot"};
+  const auto sections = parse_sections("robot( id 3 )\nvision( delay 0.03 )\nrobot( id 4 )", "a.cfg", types);
+  ASSERT_EQ(sections.size(), 3U);
+  EXPECT_EQ(sections[0].integer("id"), 3);
+  EXPECT_EQ(sections[1].type(), "vision");
+  EXPECT_EQ(sections[2].integer("id"), 4);
+  EXPECT_THROW((void)parse_sections("driver()", "a.cfg", types), ConfigError);
+  EXPECT_THROW((void)parse_sections("plugin \"x\"", "a.cfg", types), ConfigError);
 }
 
 }  // namespace
