@@ -41,23 +41,11 @@ def get(
     """Read a property of a device's driver."""
     name = common.parse_device(device)
     with common.connect(robot, "get", timeout=timeout) as connection:
-        value = read_property(connection.device(name), key)
+        value = connection.device(name).property(key)
     if json:
         common.print_json({"device": name, "key": key, "value": value})
     else:
         common.console.print(str(value).lower() if isinstance(value, bool) else str(value), markup=False)
-
-
-def read_property(proxy: Any, key: str) -> Any:
-    """Player asks for a property by its type, which only the driver knows: try each."""
-    refusal: regista.RefusedError | None = None
-    for kind in (float, int, bool, str):
-        try:
-            return proxy.property(key, kind)
-        except regista.RefusedError as error:
-            refusal = error
-    assert refusal is not None
-    raise refusal
 
 
 def set_(
@@ -71,7 +59,7 @@ def set_(
     name = common.parse_device(device)
     with common.connect(robot, "set", timeout=timeout) as connection:
         proxy = connection.device(name)
-        kind = type(read_property(proxy, key))
+        kind = type(proxy.property(key))
         fitting = [meant for meant in _kinds(value) if type(meant) is kind]
         if not fitting:
             words = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}

@@ -73,9 +73,10 @@ def connect(robot: str, verb: str, *, timeout: float = 2.0, priority: int = 10, 
     host, port = parse_robot(robot)
     with contextlib.suppress(OSError, KeyError):
         verb = f"{verb} {getpass.getuser()}"
-    return regista.Robot(
-        host, port, timeout=timeout, name=f"{verb}@{socket.gethostname()}"[:63], priority=priority, **options
-    )
+    robot_name = f"{verb}@{socket.gethostname()}"[:63]
+    connection = regista.Robot(host, port, timeout=timeout, name=robot_name, priority=priority, **options)
+    connection.record()
+    return connection
 
 
 def parse_device(text: str) -> str:
@@ -139,9 +140,7 @@ def examples(*lines: str) -> str:
     return "\b\nExamples:\n" + "\n".join("  " + line for line in lines)
 
 
-def messages(
-    connection: regista.Robot, *, until: float, first: bool = False
-) -> Iterator[regista.Received]:
+def messages(connection: regista.Robot, *, until: float, first: bool = False) -> Iterator[regista.Received]:
     """The data that come until that time of the monotonic clock; with `first`, only until some have come."""
     while (left := until - time.monotonic()) > 0:
         connection.read(timeout=left)

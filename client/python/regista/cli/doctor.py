@@ -122,8 +122,9 @@ def listen(connection: regista.Robot, status: dict[str, Any]) -> Iterator[Findin
             silent.pop(received.device, None)
             here = time.time() - (time.monotonic() - received.arrival)
             offset = max(offset, abs(here - received.stamp))
-            if received.device.startswith("power:"):
-                yield from _examine_power(received)
+    for name in sorted(patience.keys() - silent.keys()):
+        if name.startswith("power:"):
+            yield from _examine_power(name, connection.power(int(name.partition(":")[2])))
     for name, waited in silent.items():
         yield Finding(Health.STALE, name, f"said nothing for {common.duration(waited)}", "see the server's log")
     if offset > CLOCK_OFFSET:
@@ -132,14 +133,12 @@ def listen(connection: regista.Robot, status: dict[str, Any]) -> Iterator[Findin
         )
 
 
-def _examine_power(received: regista.Received) -> Iterator[Finding]:
-    state = received.message
-    percent = getattr(state, "charge_percent", None)
-    known = percent is not None and getattr(state, "valid", 0) & regista.power.Valid.percent
-    if known and percent < LOW_CHARGE:
-        yield Finding(Health.WARN, received.device, f"charge {percent:.0f} %", "charge it")
-    elif known:
-        yield Finding(Health.OK, received.device, f"charge {percent:.0f} %")
+def _examine_power(name: str, power: regista.Power) -> Iterator[Finding]:
+    percent = power.charge_percent
+    if percent is None:
+        return
+    low = percent < LOW_CHARGE
+    yield Finding(Health.WARN if low else Health.OK, name, f"charge {percent:.0f} %", "charge it" if low else "")
 
 
 def doctor(robot: RobotOption = LOCALHOST, json: JsonOption = False, timeout: TimeoutOption = 2.0) -> None:
@@ -152,7 +151,7 @@ def doctor(robot: RobotOption = LOCALHOST, json: JsonOption = False, timeout: Ti
         try:
             status = connection.status()
         except regista.RefusedError:
-            names = ", ".join(device.name for device in connection.devices())
+            names = ", ".join(device.address for device in connection.devices())
             findings.append(
                 Finding(Health.WARN, "server", f"a stock Player server: it tells no health. Devices: {names}")
             )

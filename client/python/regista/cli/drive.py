@@ -52,7 +52,7 @@ class Session:
                 self.base.set_velocity(x=action.x, y=action.y, w=action.w)
         self.connection.read(timeout=0)
         for event in self.connection.events():
-            if event.text.startswith(self.base.name):
+            if event.text.startswith(self.base.address):
                 self.told = event.text
 
     def release(self) -> None:
@@ -77,7 +77,7 @@ class Session:
         motion = self.base.motion()
         text = Text()
         connection = self.connection
-        text.append(f"{self.base.name} at {connection.host}:{connection.port}\n", style="bold")
+        text.append(f"{self.base.address} at {connection.host}:{connection.port}\n", style="bold")
         if motion is None:
             text.append("driven by: a stock Player server does not tell\n")
         else:

@@ -144,7 +144,7 @@ def _events(session: Session, descriptor: int, path: Path) -> bytes:
         data = b""
     if not data:
         session.finish()
-        common.fail(common.FAILED, f"the gamepad {path} is gone; {session.base.name} was let go")
+        common.fail(common.FAILED, f"the gamepad {path} is gone; {session.base.address} was let go")
     return data
 
 

@@ -25,9 +25,9 @@ def list_devices(robot: RobotOption = LOCALHOST, json: JsonOption = False, timeo
     with common.connect(robot, "list", timeout=timeout) as connection:
         devices = connection.devices()
     if json:
-        common.print_json([{"device": device.name, "driver": device.driver} for device in devices])
+        common.print_json([{"device": device.address, "driver": device.driver} for device in devices])
         return
-    common.console.print(common.table(["DEVICE", "DRIVER"], [(device.name, device.driver) for device in devices]))
+    common.console.print(common.table(["DEVICE", "DRIVER"], [(device.address, device.driver) for device in devices]))
 
 
 def info(

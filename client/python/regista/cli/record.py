@@ -95,7 +95,7 @@ def record(
     The file can be read at any time, also after a power cut: all but the last second is there. A full disk stops the
     recording, and it goes on when there is space. Recording opens the devices, as every client does."""
     with common.connect(robot, "record", timeout=timeout, reconnect=True) as connection:
-        names = [common.parse_device(name) for name in devices or []] or [d.name for d in connection.devices()]
+        names = [common.parse_device(name) for name in devices or []] or [d.address for d in connection.devices()]
         if not names:
             common.fail(common.FAILED, f"{robot} has no devices")
         try:

@@ -62,16 +62,13 @@ def frame(record: Record) -> bytes:
     """The message as it went over the wire."""
     interface, _, index = record.metadata["device"].partition(":")
     subtype = int(record.metadata["subtype"])
-    if record.metadata["kind"] == "answer":
-        kind = recording.answer_class(interface, subtype)
-        what = regista.wire.ACK
-    else:
-        kind = recording.data_class(interface, subtype)
-        what = regista.wire.DATA
+    answer = record.metadata["kind"] == "answer"
+    found = recording.answer_class if answer else recording.data_class
+    kind = found(interface, subtype)
     if kind is None:
         raise ValueError(f"{record.topic}: this version of regista does not know message {subtype} of {interface}")
     message = recording.read(kind, record.message)
-    return regista.wire.frame(message, index=int(index), kind=what, subtype=subtype)
+    return regista.wire.frame(message, f"{interface}:{index}", subtype, answer=answer)
 
 
 def pace(records: Iterator[tuple[float, Record]], loop_from: float = 0.0) -> Iterator[tuple[float, Record]]:
@@ -130,7 +127,7 @@ def refuse_beside_live(port: int, sim: bool) -> None:
             continue
         try:
             with regista.Robot("localhost", beside, timeout=1.0, name="replay") as live:
-                devices = ", ".join(f"{device.name} ({device.driver})" for device in live.devices())
+                devices = ", ".join(f"{device.address} ({device.driver})" for device in live.devices())
         except regista.Error:
             continue
         choice = "choose another port with --port" if beside == port and sim else "stop it, or, if nothing there moves, "

@@ -32,7 +32,7 @@ def decode(
     """Messages in hex, from the arguments or one a line from standard input, to JSON."""
 
     def convert(text: str) -> str:
-        return json.dumps(regista.wire.decode(bytes.fromhex(text)))
+        return "\n".join(json.dumps(message) for message in regista.wire.decode(bytes.fromhex(text)))
 
     _convert(messages or sys.stdin, convert, "argument" if messages else "line")
 

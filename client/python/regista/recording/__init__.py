@@ -2,7 +2,7 @@
 """Recordings of robots: MCAP files of JSON messages, which Foxglove, Lichtblick and PlotJuggler open."""
 
 from .reader import Record, Recording
-from .schema import data_class, descriptions, read, reply_class, schema, text, write
+from .schema import answer_class, data_class, descriptions, read, reply_class, schema, text, write
 from .writer import LOG, Channel, Recorder
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Record",
     "Recorder",
     "Recording",
+    "answer_class",
     "data_class",
     "descriptions",
     "read",

@@ -50,14 +50,23 @@ def read(kind: type[S], values: dict[str, Any]) -> S:
 @functools.cache
 def data_class(interface: str, subtype: int) -> type[message.Data] | None:
     """The class of a data message; None when this version does not know it."""
+    return next((kind for kind in _messages(interface, message.Data) if kind.SUBTYPE == subtype), None)
+
+
+@functools.cache
+def answer_class(interface: str, subtype: int) -> type[message.Struct] | None:
+    """The class of the answer to a request; None when this version does not know it."""
+    asked = next((kind for kind in _messages(interface, message.Request) if kind.SUBTYPE == subtype), None)
+    return None if asked is None else reply_class(asked)
+
+
+def _messages(interface: str, base: type[S]) -> list[type[S]]:
     try:
         module = importlib.import_module(f"regista.{interface}")
     except ModuleNotFoundError:
-        return None
-    for kind in vars(module).values():
-        if isinstance(kind, type) and issubclass(kind, message.Data) and getattr(kind, "SUBTYPE", None) == subtype:
-            return kind
-    return None
+        return []
+    found = (kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, base))
+    return [kind for kind in found if hasattr(kind, "SUBTYPE")]
 
 
 @functools.cache
@@ -125,13 +134,8 @@ def _read(hint: Any, value: Any) -> Any:
 @functools.cache
 def descriptions(interface: str) -> tuple[message.Request[Any], ...]:
     """The requests that ask a device of this interface what it is, such as its geometry, and change nothing."""
-    found = []
-    for kind in vars(importlib.import_module(f"regista.{interface}")).values():
-        if not (isinstance(kind, type) and issubclass(kind, message.Request) and kind.__name__.startswith("Get")):
-            continue
-        if not _hints(kind) and reply_class(kind) is not None:
-            found.append(kind())
-    return tuple(found)
+    asking = (kind for kind in _messages(interface, message.Request) if kind.__name__.startswith("Get"))
+    return tuple(kind() for kind in asking if not _hints(kind) and reply_class(kind) is not None)
 
 
 def reply_class(kind: type[message.Request[Any]]) -> type[message.Struct] | None:
