@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <ctime>
 #include <regista/client/connection.hpp>
-#include <thread>
 
 #include "socket.hpp"
 
@@ -79,6 +79,15 @@ Result<std::string> opened(const Result<std::span<const std::byte>>& body) {
 
 player::Subscribe subscribe_request(Address address, player::Access access) {
   return {.address = {.interface = address.interface, .index = address.index}, .access = access};
+}
+
+regista::Error interruption() { return {std::errc::interrupted, "a signal came"}; }
+
+/// False: a signal came.
+bool sleep_until(Time time) {
+  const auto whole = std::chrono::floor<std::chrono::seconds>(time.time_since_epoch());
+  const timespec until{.tv_sec = whole.count(), .tv_nsec = (time.time_since_epoch() - whole).count()};
+  return ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) != EINTR;
 }
 
 /// No matter how long: a Time does not overflow.
@@ -189,6 +198,11 @@ void Connection::close() {
   if (polite) (void)exchange(server_address, player::GetDeviceList{});
   wanted_ = false;
   drop({Errc::lost, "closed"});
+}
+
+void Connection::abandon() {
+  wanted_ = false;
+  drop({Errc::lost, "left to the parent process"});
 }
 
 void Connection::drop(const regista::Error& error) {
@@ -306,9 +320,25 @@ Result<std::vector<std::byte>> Connection::exchange(Address to, const AnyRequest
   });
   if (!sent) return sent.error();
   while (!answer) {
-    if (const Result<> taken = take_in(in_flight_->deadline); !taken && !answer) return taken.error();
+    if (const Result<> taken = take_in(in_flight_->deadline); !taken && !answer) {
+      // Interrupted: nobody waits for the answer any more.
+      if (in_flight_) in_flight_->on_reply = [](const auto&) {};
+      return taken.error();
+    }
   }
   return *std::move(answer);
+}
+
+Result<AnyReply> Connection::request(Address to, const AnyRequest& request) {
+  const Result<std::vector<std::byte>> body = exchange(to, request);
+  if (!body) return body.error();
+  return std::visit(
+      [&]<typename M>(const M&) -> Result<AnyReply> {
+        typename M::Reply reply;
+        if (const Result<> decoded = xdr::decode(std::span{*body}, reply); !decoded) return decoded.error();
+        return AnyReply{std::move(reply)};
+      },
+      request);
 }
 
 Result<std::string> Connection::subscribe(Address from, OnData on_data) {
@@ -368,7 +398,7 @@ Result<std::size_t> Connection::read(Duration timeout) {
     }
     if (const Result<> taken = take_in(until); !taken) {
       if (delivered_ > 0) break;  // the next call tells
-      if (!wanted_ || !options_.reconnect) return taken.error();
+      if (!wanted_ || !options_.reconnect || taken.error().code == std::errc::interrupted) return taken.error();
     }
     if (pull ? synched_ : delivered_ > 0) break;
     if (Clock::now() >= until) break;
@@ -402,7 +432,7 @@ Result<> Connection::take_in(Time until) {
       } else if (now >= until) {
         return {};
       } else {
-        std::this_thread::sleep_until(std::min(until, retry_at_));
+        if (!sleep_until(std::min(until, retry_at_)) && interrupted()) return interruption();
         continue;
       }
     }
@@ -423,7 +453,7 @@ Result<> Connection::take_in(Time until) {
     if (state_ != State::closed) on_time(now);
     if (state_ == State::closed) return error_;
     if (came || now >= until) return {};
-    socket_->wait(std::min(until, wake_time()), !backlog_.empty());
+    if (!socket_->wait(std::min(until, wake_time()), !backlog_.empty()) && interrupted()) return interruption();
   }
 }
 

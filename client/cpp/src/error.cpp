@@ -99,7 +99,9 @@ void raise(Error::Context context, const regista::Error& cause) {
     throw RefusedError{std::move(context), cause};
   }
   if (cause.code == Errc::no_answer || cause.code == Errc::congested) throw TimeoutError{std::move(context), cause};
-  if (cause.code == Errc::busy || cause.code == std::errc::invalid_argument) throw Error{std::move(context), cause};
+  if (cause.code == Errc::busy || cause.code == std::errc::invalid_argument || cause.code == std::errc::interrupted) {
+    throw Error{std::move(context), cause};
+  }
   throw ConnectionError{std::move(context), cause};
 }
 

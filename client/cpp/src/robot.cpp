@@ -61,12 +61,25 @@ ProxyBase* Robot::find(Address address) {
 ProxyBase& Robot::open(std::unique_ptr<ProxyBase> proxy) {
   const Address address = proxy->address();
   Result<std::string> driver =
-      connection_.subscribe(address, [p = proxy.get()](const xdr::Header& header, const AnyData& data, Time arrival) {
+      connection_.subscribe(address, [this, p = proxy.get()](const xdr::Header& header, const AnyData& data, Time arrival) {
         p->on_data(header, data, arrival);
+        if (on_data_) on_data_(header, data, arrival);
       });
   if (!driver) raise(to_string(address), "subscribe", driver.error());
   proxy->driver_ = *std::move(driver);
   return *proxies_.emplace_back(std::move(proxy));
+}
+
+ProxyBase& Robot::device(Address address) {
+  ProxyBase* proxy = nullptr;
+  any_message(Interfaces{}, [&]<InterfaceType I>() {
+    if constexpr (!std::same_as<I, Player>) {
+      if (I::code == address.interface) proxy = &device<I>(address.index);
+    }
+    return proxy != nullptr;
+  });
+  if (proxy == nullptr) throw std::invalid_argument{to_string(address) + " is no device that this library speaks"};
+  return *proxy;
 }
 
 std::vector<Robot::Device> Robot::devices() {

@@ -150,12 +150,12 @@ short Socket::events(bool writes) const {
   return static_cast<short>(writes ? POLLIN | POLLOUT : POLLIN);
 }
 
-void Socket::wait(Time until, bool writes) const {
+bool Socket::wait(Time until, bool writes) const {
   const auto left = std::max(until - Clock::now(), Duration{});
   const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
   const timespec timeout{.tv_sec = whole.count(), .tv_nsec = (left - whole).count()};
   pollfd poll{.fd = descriptor(), .events = events(writes), .revents = 0};
-  (void)::ppoll(&poll, 1, &timeout, nullptr);
+  return ::ppoll(&poll, 1, &timeout, nullptr) >= 0 || errno != EINTR;
 }
 
 Result<std::size_t> Socket::receive(std::span<std::byte> space) {

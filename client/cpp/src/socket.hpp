@@ -23,8 +23,8 @@ class Socket {
 
   /// Go on with connecting, one address after the other until `deadline`. True: connected.
   Result<bool> connect(Time now, Time deadline);
-  /// Wait until something may have happened, at most until `until`.
-  void wait(Time until, bool writes) const;
+  /// Wait until something may have happened, at most until `until`. False: a signal came.
+  bool wait(Time until, bool writes) const;
 
   /// Bytes that came; 0: none now. Fails when the peer has closed.
   Result<std::size_t> receive(std::span<std::byte> space);

@@ -34,6 +34,9 @@ struct Options {
   std::string name{};                              ///< shown to the others; empty: program@host
   std::int32_t priority = 10;                      ///< of my wish to drive: 10 programs, 20 people
   bool reconnect = false;                          ///< read() connects again, with back-off, instead of failing
+  /// Asked when a signal (EINTR) ends a wait. True: whatever waits gives up with std::errc::interrupted; the connection
+  /// stays. For what takes signals itself, such as Python.
+  std::function<bool()> interrupted{};
 };
 
 /// One TCP connection to a server, ours or a stock Player: what Robot and remote devices stand on. Most programs want
@@ -58,6 +61,8 @@ class Connection {
   Result<> connect();
   /// The same without blocking: read() goes on with it. Then `connected()`, or read() fails.
   void start();
+  /// Let go of the socket without a word: in a child process, where it is the parent's.
+  void abandon();
   /// Close what this connection opened, and wait until the server has read the last command. Subscriptions are kept
   /// for the next connect(). Blocks for the timeout at most; immediate when the connection is broken.
   void close();
@@ -98,6 +103,9 @@ class Connection {
     if (const Result<> decoded = xdr::decode(std::span{*body}, reply); !decoded) return decoded.error();
     return reply;
   }
+
+  /// The same for a request whose type is known only at run time.
+  Result<AnyReply> request(Address to, const AnyRequest& request);
 
   /// Ask without waiting; a later read() brings the answer. Fails when a request is under way already.
   Result<> post(Address to, const AnyRequest& request, OnReply on_reply);
@@ -146,6 +154,7 @@ class Connection {
   Result<> begin(Address to, const AnyRequest& request, OnReply on_reply);
   Result<> flush();
   Result<> take_in(Time until);
+  [[nodiscard]] bool interrupted() const { return options_.interrupted && options_.interrupted(); }
   Result<bool> receive(Time now);
   void take_frames(Time now);
   void take_data(const xdr::Frame& frame, Time now);

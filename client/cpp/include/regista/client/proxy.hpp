@@ -16,6 +16,14 @@ struct Sample {
   double stamp_s = 0;       ///< the server's: seconds since the epoch
 };
 
+/// The same of a type that is known only at run time.
+struct AnySample {
+  AnyData value{};
+  std::uint64_t count = 0;
+  Time arrival{};
+  double stamp_s = 0;
+};
+
 /// What all devices have. Every request blocks for the robot's timeout at most, and throws.
 class ProxyBase {
  public:
@@ -31,6 +39,10 @@ class ProxyBase {
   [[nodiscard]] Duration age(Time now = Clock::now()) const { return count_ == 0 ? Duration::max() : now - arrival_; }
   /// How many data messages have come: another number after read() means something new.
   [[nodiscard]] std::uint64_t count() const { return count_; }
+  /// What came last of the data message of this subtype; empty when the interface has none such.
+  [[nodiscard]] virtual std::optional<AnySample> latest_of(std::uint8_t subtype) const = 0;
+  /// Of the data message of this subtype: how many have come.
+  [[nodiscard]] virtual std::uint64_t count_of(std::uint8_t subtype) const = 0;
 
   // Properties of the driver by name. T: int, double, bool, std::string. The type must be the driver's own.
   template <typename T>
@@ -111,6 +123,19 @@ class Proxy : public ProxyBase {
     return std::get<Sample<D>>(samples_);
   }
 
+  [[nodiscard]] std::optional<AnySample> latest_of(std::uint8_t subtype) const override {
+    std::optional<AnySample> found;
+    for_subtype(subtype, [&](const auto& sample) {
+      found = AnySample{sample.value, sample.count, sample.arrival, sample.stamp_s};
+    });
+    return found;
+  }
+  [[nodiscard]] std::uint64_t count_of(std::uint8_t subtype) const override {
+    std::uint64_t count = 0;
+    for_subtype(subtype, [&](const auto& sample) { count = sample.count; });
+    return count;
+  }
+
   template <CommandType C>
   void send(const C& command) {
     static_assert(C::message.interface == I::code);
@@ -124,6 +149,14 @@ class Proxy : public ProxyBase {
   }
 
  private:
+  template <typename Visit>
+  void for_subtype(std::uint8_t subtype, Visit visit) const {
+    const auto look = [&]<DataType D>(const Sample<D>& sample) {
+      if (D::message.subtype == subtype) visit(sample);
+    };
+    std::apply([&](const auto&... samples) { (look(samples), ...); }, samples_);
+  }
+
   void take_data(const xdr::Header& header, const AnyData& data, Time arrival) override {
     std::apply([&](auto&... samples) { (void)(store(samples, header, data, arrival) || ...); }, samples_);
   }

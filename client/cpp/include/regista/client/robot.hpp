@@ -42,6 +42,14 @@ class Robot {
     return static_cast<P&>(open(std::make_unique<P>(*this, index)));
   }
 
+  /// One whose interface is known only at run time. Throws std::invalid_argument when we do not speak it.
+  ProxyBase& device(Address address);
+
+  /// Be told of each data message of the devices in use, in the order of arrival, from within read(): for recorders.
+  /// What comes while a request waits is told at the next read(), of each device and type the newest. The handler must
+  /// not call the robot. An empty one ends it.
+  void listen(Connection::OnData on_data) { on_data_ = std::move(on_data); }
+
   struct Device {
     Address address;
     std::string driver;
@@ -82,6 +90,7 @@ class Robot {
 
   std::vector<std::unique_ptr<ProxyBase>> proxies_;
   std::deque<player::Event> events_;
+  Connection::OnData on_data_;
   std::uint64_t generation_ = 0;
   Connection connection_;  // the last: its handlers use all of the above
 };

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes of the wire to dicts and back, for tools: the same JSON as `regista-wire` speaks, with Player's names."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from regista import _core
+
+
+def decode(data: bytes) -> list[dict[str, Any]]:
+    """Whole messages, one after the other, each as {"header": …, "fields": …}. ValueError: which byte, and what is wrong."""
+    messages, rest = _core.wire_decode(data)
+    if rest:
+        raise ValueError(f"byte {len(data) - rest}: {rest} bytes are no whole message")
+    return [json.loads(message) for message in messages]
+
+
+def encode(message: dict[str, Any]) -> bytes:
+    """The reverse, of one message. Counts and the header's size may be left out."""
+    return _core.wire_encode(json.dumps(message))

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <regista/interfaces/messages.hpp>
+
+/// Messages to and from their classes in Python. All of this needs the GIL.
+namespace regista::python {
+
+namespace py = pybind11;
+
+/// A new object that the caller owns alone. Vectors of numbers become arrays that hold the vector's own memory: moved,
+/// not copied.
+py::object to_python(AnyData&& data);
+py::object to_python(AnyReply&& reply);
+py::object to_python(player::Motion&& motion);
+py::object to_python(player::Event&& event);
+
+/// The subtype of a class of data, or of Player's name for it such as "STATE"; throws TypeError when it is none of this interface.
+std::uint8_t data_subtype(const py::handle& type, std::uint16_t interface);
+
+/// Throw TypeError when the object is no command or request, or a field has another type; ValueError when a number does
+/// not fit.
+AnyCommand to_command(const py::handle& object);
+AnyRequest to_request(const py::handle& object);
+/// "SET_ODOM"
+std::string_view name_of(const AnyCommand& command);
+std::string_view name_of(const AnyRequest& request);
+
+}  // namespace regista::python
