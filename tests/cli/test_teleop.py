@@ -84,12 +84,12 @@ def test_letting_go_of_nothing_sends_nothing():
 
 def test_a_tap_holds_until_the_keyboard_would_repeat_and_a_repeat_for_less():
     keys = Keys(speed=0.5, turn=1.0)
-    assert keys.press("w", 10.0) == (Velocity(x=0.5), 10.6)
-    assert keys.press("w", 10.5) == (Velocity(x=0.5), 10.7)
-    assert keys.press("w", 10.53) == (Velocity(x=0.5), 10.73)
+    assert keys.press("w", 10.0) == (Velocity(x=0.5), pytest.approx(10.6))
+    assert keys.press("w", 10.5) == (Velocity(x=0.5), pytest.approx(10.7))
+    assert keys.press("w", 10.53) == (Velocity(x=0.5), pytest.approx(10.73))
     velocity, until = keys.press("a", 10.6)  # another key is a new tap
-    assert velocity == Velocity(w=1.0) and until == 11.2
-    assert keys.press("a", 20.0)[1] == 20.6  # and so is the same one, much later
+    assert velocity == Velocity(w=1.0) and until == pytest.approx(11.2)
+    assert keys.press("a", 20.0)[1] == pytest.approx(20.6)  # and so is the same one, much later
 
 
 def test_signs_of_the_keys():

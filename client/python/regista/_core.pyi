@@ -2,6 +2,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+from regista.message import Struct
+
 class Robot:
     def __init__(
         self, host: str, port: int, timeout: float, name: str, priority: int, pull: bool, reconnect: bool, /
@@ -72,3 +74,4 @@ class Follower:
 
 def wire_decode(data: bytes, /) -> tuple[list[str], int]: ...
 def wire_encode(json: str, /) -> bytes: ...
+def wire_frame(message: Struct, device: str, subtype: int, answer: bool, /) -> bytes: ...

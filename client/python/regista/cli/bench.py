@@ -102,12 +102,14 @@ def bench(
     json: JsonOption = False,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Time round trips to the server, beside the same bytes over bare TCP."""
+    """Time round trips to the server.
+
+    Beside the same bytes over bare TCP."""
     host, port = common.parse_robot(robot)
     results: dict[str, Any] = {}
     with common.connect(robot, "bench", timeout=timeout) as connection:
         questions = 1 + len(connection.devices())  # the list, and the driver of each
-        durations = measure(connection.devices, max(10, count // questions), "regista client")
+        durations = measure(connection.devices, count, "regista client")
         results["regista client"] = quantiles([each / questions for each in durations])
     with raw(host, port, timeout) as ask:
         size = ask()
@@ -121,7 +123,7 @@ def bench(
     rows = [
         (name, told["p50"], told["p99"], told["max"], f"{told['p50'] / floor:.2f}") for name, told in results.items()
     ]
-    common.console.print(common.table(["ROUND TRIP", ">P50 µs", ">P99 µs", ">MAX µs", ">x RAW"], rows))
+    common.show(common.table(["ROUND TRIP", ">P50 µs", ">P99 µs", ">MAX µs", ">x RAW"], rows))
 
 
 def add_to(app: typer.Typer) -> None:

@@ -38,7 +38,7 @@ def get(
     json: JsonOption = False,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Read a property of a device's driver."""
+    """Read a property of a driver."""
     name = common.parse_device(device)
     with common.connect(robot, "get", timeout=timeout) as connection:
         value = connection.device(name).property(key)
@@ -55,7 +55,7 @@ def set_(
     robot: RobotOption = LOCALHOST,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Change a property of a device's driver."""
+    """Change a property of a driver."""
     name = common.parse_device(device)
     with common.connect(robot, "set", timeout=timeout) as connection:
         proxy = connection.device(name)
@@ -78,7 +78,7 @@ def odom(
     json: JsonOption = False,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Where the robot believes to be, by its wheels; or tell it where it is."""
+    """Read or set where the robot believes to be."""
     name = common.parse_device(device)
     with common.connect(robot, "odom", timeout=timeout) as connection:
         base = connection.position2d(common.index_of(name, "position2d"))
@@ -129,7 +129,9 @@ def refuse_if_told(connection: regista.Robot, device: str) -> None:
 
 
 def stop(robot: RobotOption = LOCALHOST, timeout: TimeoutOption = 2.0) -> None:
-    """Bring every device to rest, whoever drives it. This is no emergency stop."""
+    """Bring every device to rest.
+
+    Whoever drives it. This is no emergency stop."""
     with common.connect(robot, "stop", timeout=timeout, priority=common.PEOPLE) as connection:
         connection.stop()
 

@@ -111,6 +111,16 @@ def table(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> Table:
     return shown
 
 
+def show(renderable: Any) -> None:
+    """On standard output; without the blanks at the ends of lines that a table has, when nobody looks."""
+    if console.is_terminal:
+        console.print(renderable)
+        return
+    with console.capture() as capture:
+        console.print(renderable)
+    sys.stdout.write("".join(line.rstrip() + "\n" for line in capture.get().splitlines()))
+
+
 @contextlib.contextmanager
 def quiet_pipe() -> Iterator[None]:
     """Whoever reads our output may have enough of it: that is no failure."""

@@ -142,9 +142,10 @@ def _examine_power(name: str, power: regista.Power) -> Iterator[Finding]:
 
 
 def doctor(robot: RobotOption = LOCALHOST, json: JsonOption = False, timeout: TimeoutOption = 2.0) -> None:
-    """Is the robot well? OK, WARN, ERROR or STALE for each thing, with the reason and what to do about it.
+    """Find out whether the robot is well, and why not.
 
-    Ends with 1 when something is ERROR or STALE. Opens no device that is closed."""
+    OK, WARN, ERROR or STALE for each thing, with the reason and what to do about it. Ends with 1 when something is
+    ERROR or STALE. Opens no device that is closed."""
     findings: list[Finding] = []
     with common.connect(robot, "doctor", timeout=timeout) as connection:
         began = time.monotonic()

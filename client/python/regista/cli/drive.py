@@ -133,7 +133,9 @@ def drive(
     turn: Annotated[float, typer.Option("--turn", min=0.01, max=20, metavar="RAD/S", help="When turning.")] = 0.8,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Drive with the keyboard of this terminal. Nothing moves unless a key is held."""
+    """Drive with the keyboard.
+
+    Nothing moves unless a key is held. Tells who drives, and takes over only when you ask for it."""
     if not sys.stdin.isatty():
         common.fail(common.USAGE, "drive wants a terminal to read keys from, and standard input is none")
     name = common.parse_device(device)

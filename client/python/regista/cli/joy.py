@@ -75,7 +75,9 @@ def joy(
     turning: Annotated[str, typer.Option("--turning", metavar="AXIS", help="Left is counter-clockwise.")] = "ABS_X",
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Drive with a gamepad. Nothing moves unless the dead man's button is held; unplugging it lets go."""
+    """Drive with a gamepad.
+
+    Nothing moves unless the dead man's button is held; unplugging the gamepad lets go."""
     name = common.parse_device(device)
     index = common.index_of(name, "position2d")
     layout = Layout(

@@ -21,19 +21,21 @@ DeviceArgument = Annotated[str, typer.Argument(metavar="DEVICE", help="Such as p
 
 
 def list_devices(robot: RobotOption = LOCALHOST, json: JsonOption = False, timeout: TimeoutOption = 2.0) -> None:
-    """Which devices the robot has, and which driver each is of."""
+    """Name the devices of the robot and their drivers."""
     with common.connect(robot, "list", timeout=timeout) as connection:
         devices = connection.devices()
     if json:
         common.print_json([{"device": device.address, "driver": device.driver} for device in devices])
         return
-    common.console.print(common.table(["DEVICE", "DRIVER"], [(device.address, device.driver) for device in devices]))
+    common.show(common.table(["DEVICE", "DRIVER"], [(device.address, device.driver) for device in devices]))
 
 
 def info(
     device: DeviceArgument, robot: RobotOption = LOCALHOST, json: JsonOption = False, timeout: TimeoutOption = 2.0
 ) -> None:
-    """What a device is: its driver, where it is on the robot, who drives it, how often it speaks."""
+    """Tell what a device is.
+
+    Its driver, where it is on the robot, who drives it, how often it speaks."""
     name = common.parse_device(device)
     with common.connect(robot, "info", timeout=timeout) as connection:
         proxy = connection.device(name)
@@ -53,7 +55,7 @@ def info(
     grid = Table.grid(padding=(0, 2))
     for key, value in told.items():
         grid.add_row(key, recording.text(value) if isinstance(value, dict) else str(value))
-    common.console.print(grid)
+    common.show(grid)
 
 
 def _rates(connection: regista.Robot, seconds: float) -> dict[str, Any]:
@@ -74,7 +76,7 @@ def print_device(
     count: Annotated[int | None, typer.Option("--count", "-n", min=1, help="End after so many.")] = None,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Every message of a device, as it comes, until Ctrl-C."""
+    """Print what a device says, until Ctrl-C."""
     name = common.parse_device(device)
     with common.connect(robot, "print", timeout=timeout) as connection:
         connection.device(name)
@@ -120,7 +122,9 @@ def status(
     watch: Annotated[bool, typer.Option("--watch", "-w", help="Again and again, until Ctrl-C.")] = False,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """How the server and its drivers are: beats, faults, who drives, why each device stands."""
+    """Show drivers, who drives, and why it stands.
+
+    Also the beats that each driver missed, and how often it failed."""
     _show(robot, "status", drivers_table, json, watch, timeout)
 
 
@@ -130,7 +134,9 @@ def clients(
     watch: Annotated[bool, typer.Option("--watch", "-w", help="Again and again, until Ctrl-C.")] = False,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Who is connected: name, priority, what waits for him, what was dropped."""
+    """Show who is connected.
+
+    Name, priority, what waits for it, what was dropped because it reads too slowly."""
     _show(robot, "clients", clients_table, json, watch, timeout)
 
 
@@ -148,7 +154,7 @@ def _show(robot: str, verb: str, render: Any, json: bool, watch: bool, timeout: 
                     return
                 common.wait(connection, 1.0)
         if not watch:
-            common.console.print(render(ask()))
+            common.show(render(ask()))
             return
         with Live(render(ask()), console=common.console, auto_refresh=False) as live:
             while True:

@@ -139,7 +139,9 @@ def plot(
         Path | None, typer.Option("--output", "-o", metavar="PICTURE", help="PNG, SVG or PDF; default: FILE.svg.")
     ] = None,
 ) -> None:
-    """Draw a recording: where each base went, and numbers over time."""
+    """Draw a recording.
+
+    Where each base went, and numbers over time."""
     try:
         import matplotlib as _
     except ImportError:

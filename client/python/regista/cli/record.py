@@ -90,7 +90,9 @@ def record(
     force: Annotated[bool, typer.Option("--force", "-f", help="Overwrite the file.")] = False,
     timeout: TimeoutOption = 2.0,
 ) -> None:
-    """Record what the robot says, until Ctrl-C, into an MCAP file that Foxglove, Lichtblick and PlotJuggler open.
+    """Record what the robot says, until Ctrl-C.
+
+    Into an MCAP file that Foxglove, Lichtblick and PlotJuggler open.
 
     The file can be read at any time, also after a power cut: all but the last second is there. A full disk stops the
     recording, and it goes on when there is space. Recording opens the devices, as every client does."""

@@ -151,9 +151,9 @@ def replay(
     ] = None,
     move: Annotated[bool, typer.Option("--move", help="With --to: yes, it shall move.")] = False,
 ) -> None:
-    """Serve a recording as if it were the robot: clients see the recorded devices, values and times.
+    """Serve a recording as if it were the robot.
 
-    Commands are refused, as nothing moves. With --to, the recorded velocities are sent to a robot instead."""
+    Clients see the recorded devices, values and times. Commands are refused, as nothing moves. With --to, the recorded velocities are sent to a robot instead."""
     source = Recording(file)
     cut = Cut(start, end, rate)
     devices = list(dict.fromkeys(record.metadata["device"] for _, record in data_records(source, Cut())))
