@@ -3,6 +3,7 @@
 
 #include <pybind11/pybind11.h>
 
+#include <regista/interfaces/messages.hpp>
 #include <regista/xdr/codec.hpp>
 
 /// Messages to and from their classes in Python. All of this needs the GIL.

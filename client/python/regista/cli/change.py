@@ -15,6 +15,7 @@ from .common import JsonOption, RobotOption, TimeoutOption, examples
 from .look import LOCALHOST, DeviceArgument
 
 KeyArgument = Annotated[str, typer.Argument(metavar="KEY", help="The property's name.")]
+CHARGE_SECONDS = 30.0
 SETTLE_SECONDS = 0.3  # a refused command is told by an event, and not at once
 
 
@@ -86,6 +87,7 @@ def odom(
             base.reset_odometry()
         if place is not None:
             base.set_odometry(x=place[0], y=place[1], heading=place[2])
+        connection.read(timeout=0)  # what came while we asked
         before = base.count
         deadline = time.monotonic() + timeout
         while base.count == before:
@@ -103,6 +105,7 @@ def kick(
     chip: Annotated[
         float | None, typer.Option("--chip", metavar="ANGLE", help="Chip at this angle above the floor [rad].")
     ] = None,
+    charge: Annotated[bool, typer.Option("--charge", help="Charge the capacitor first.")] = False,
     device: Annotated[str, typer.Option("--device", "-d", help="Which kicker.")] = "kicker:0",
     robot: RobotOption = LOCALHOST,
     timeout: TimeoutOption = 2.0,
@@ -111,6 +114,8 @@ def kick(
     name = common.parse_device(device)
     with common.connect(robot, "kick", timeout=timeout, priority=common.PEOPLE) as connection:
         kicker = connection.kicker(common.index_of(name, "kicker"))
+        if charge:
+            _charge(connection, kicker)
         if chip is None:
             kicker.kick(speed)
         else:
@@ -118,14 +123,29 @@ def kick(
         refuse_if_told(connection, name)
 
 
+def _charge(connection: regista.Robot, kicker: regista.Kicker) -> None:
+    kicker.charge(True)
+    deadline = time.monotonic() + CHARGE_SECONDS
+    while not kicker.state.charged:
+        connection.read(timeout=0.1)
+        _fail_if_refused(connection, kicker.address)
+        if time.monotonic() > deadline:
+            volts = f"{kicker.state.capacitor_v:.0f} V"
+            common.fail(common.TIMEOUT, f"{kicker.address} is not charged after {CHARGE_SECONDS:.0f} s: {volts}")
+
+
 def refuse_if_told(connection: regista.Robot, device: str) -> None:
     """A command has no answer: what was refused is told as an event."""
     until = time.monotonic() + SETTLE_SECONDS
     while time.monotonic() < until:
         connection.read(timeout=max(0.0, until - time.monotonic()))
-        for event in connection.events():
-            if event.text.startswith(f"{device} refused"):
-                common.fail(common.REFUSED, event.text)
+        _fail_if_refused(connection, device)
+
+
+def _fail_if_refused(connection: regista.Robot, device: str) -> None:
+    for event in connection.events():
+        if event.text.startswith(f"{device} refused"):
+            common.fail(common.REFUSED, event.text)
 
 
 def stop(robot: RobotOption = LOCALHOST, timeout: TimeoutOption = 2.0) -> None:
@@ -140,5 +160,5 @@ def add_to(app: typer.Typer) -> None:
     app.command("get", epilog=examples("regista get position2d noise"))(get)
     app.command("set", epilog=examples("regista set position2d noise 0.05"))(set_)
     app.command("odom", epilog=examples("regista odom", "regista odom --reset", "regista odom --set 1 0.5 1.57"))(odom)
-    app.command("kick", epilog=examples("regista kick 3", "regista kick 4 --chip 0.8"))(kick)
+    app.command("kick", epilog=examples("regista kick 3 --charge", "regista kick 4 --chip 0.8"))(kick)
     app.command("stop", epilog=examples("regista stop", "regista stop --robot robot7"))(stop)

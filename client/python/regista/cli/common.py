@@ -25,7 +25,14 @@ PEOPLE = 20  # priority of what a person does by hand; programs have 10
 
 # Tables are as wide as they need to be when nobody looks: a pipe has no width.
 _wide = None if sys.stdout.isatty() else 10_000
-console = Console(highlight=False, soft_wrap=not sys.stdout.isatty(), width=_wide)
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError  # for quiet_pipe, instead of ending with 1
+
+
+console = _Console(highlight=False, soft_wrap=not sys.stdout.isatty(), width=_wide)
 stderr = Console(stderr=True, highlight=False, soft_wrap=True)
 
 RobotOption = Annotated[

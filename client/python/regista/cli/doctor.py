@@ -80,6 +80,8 @@ def _examine_driver(driver: dict[str, Any]) -> Iterator[Finding]:
     faulty = [group for device in driver["devices"] for group in device["motion"] if group["state"] == "fault"]
     if faulty:
         yield Finding(Health.ERROR, thing, f"fault: {faulty[0]['reason']}", "it is opened again by itself, with back-off")
+    elif driver["faults"] and not driver["open"] and any(device["subscribers"] for device in driver["devices"]):
+        yield Finding(Health.ERROR, thing, f"does not open; failed {driver['faults']} times", "see the server's log")
     elif driver["faults"]:
         yield Finding(Health.WARN, thing, f"failed {driver['faults']} times since the server started")
     if driver["beats"] and driver["beats_missed"] > MISSED_SHARE * driver["beats"]:
@@ -91,7 +93,7 @@ def _examine_driver(driver: dict[str, Any]) -> Iterator[Finding]:
         yield Finding(Health.WARN, thing, f"{driver['queues']['down_refused']} messages found its queue full")
     if driver["open"] and not faulty and not driver["hung"]:
         yield Finding(Health.OK, thing, f"open, {driver['rate_hz']:g} Hz, {driver['beats']} beats")
-    elif not driver["open"] and not faulty:
+    elif not driver["open"] and not driver["faults"]:
         yield Finding(Health.OK, thing, "closed: nobody uses it")
     for device in driver["devices"]:
         for group in device["motion"]:
