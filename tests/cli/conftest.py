@@ -8,10 +8,12 @@ import pty
 import select
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+import regista
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(os.environ.get("REGISTA_BIN", ROOT / "build/dev/bin")).resolve()
@@ -119,6 +121,29 @@ class Terminal:
         wait_for(lambda: self.look(0.02) is not None and self.process.poll() is not None)
         self.look()
         return self.process.returncode
+
+
+@contextlib.contextmanager
+def owned(server, name, priority):
+    """Somebody else drives: who is idle for the lease owns no more."""
+    stop, ready = threading.Event(), threading.Event()
+
+    def drive():
+        with regista.Robot("127.0.0.1", server.port, name=name, priority=priority) as robot:
+            robot.position2d().take()
+            while not stop.is_set():
+                robot.position2d().set_velocity(w=0.2)
+                robot.read(timeout=0.02)
+                ready.set()
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    ready.wait()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 import regista
-from conftest import Terminal, run, wait_for
+from conftest import Terminal, owned, run, wait_for
 from regista.cli.teleop import AXES, BUTTONS, EV_ABS, EV_KEY, EVENT
 
 
@@ -76,32 +76,28 @@ def test_drive_killed_hard_leaves_a_robot_at_rest(fresh, watcher):
 
 def test_drive_shows_who_drives_and_takes_over_only_when_asked(fresh, watcher):
     base, until = watcher
-    with regista.Robot("127.0.0.1", fresh.port, name="nav@laptop", priority=10) as other:
-        other.position2d().take()
-        with Terminal("drive", "--robot", fresh.robot) as terminal:
-            terminal.wait_for("nav@laptop")
-            terminal.keys("w")
-            terminal.wait_for("refused")
-            assert base.motion().owner == "nav@laptop"
-            terminal.keys("t")
-            until(lambda base: base.motion().owner.startswith("drive "))
-            terminal.keys("w")
-            until(drives)
-            terminal.keys(" ")
-            until(rests)
-            terminal.keys("x")
-            assert terminal.end() == 0
+    with owned(fresh, "nav@laptop", 10), Terminal("drive", "--robot", fresh.robot) as terminal:
+        terminal.wait_for("nav@laptop")
+        terminal.keys("w")
+        terminal.wait_for("refused")
+        until(lambda base: base.motion().owner == "nav@laptop")
+        terminal.keys("t")
+        until(lambda base: base.motion().owner.startswith("drive "))
+        terminal.keys("w")
+        until(drives)
+        terminal.keys(" ")
+        until(rests)
+        terminal.keys("x")
+        assert terminal.end() == 0
 
 
 def test_drive_cannot_take_from_somebody_more_important(fresh):
-    with regista.Robot("127.0.0.1", fresh.port, name="safety@field", priority=90) as other:
-        other.position2d().take()
-        with Terminal("drive", "--robot", fresh.robot) as terminal:
-            terminal.wait_for("safety@field")
-            terminal.keys("t")
-            terminal.wait_for("TAKE refused")
-            terminal.keys("x")
-            assert terminal.end() == 0
+    with owned(fresh, "safety@field", 90), Terminal("drive", "--robot", fresh.robot) as terminal:
+        terminal.wait_for("safety@field")
+        terminal.keys("t")
+        terminal.wait_for("TAKE refused")
+        terminal.keys("x")
+        assert terminal.end() == 0
 
 
 def test_drive_wants_a_terminal(fresh):

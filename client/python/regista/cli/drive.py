@@ -55,6 +55,19 @@ class Session:
             if event.text.startswith(self.base.address):
                 self.told = event.text
 
+    def stop(self) -> None:
+        """Let go, and stop every device, whoever drives it."""
+        self.dead_man.let_go()
+        self.connection.stop()
+
+    def take(self) -> None:
+        """From whoever drives, if he is not more important."""
+        try:
+            self.base.take()
+            self.told = ""
+        except regista.RefusedError as error:
+            self.told = str(error)
+
     def release(self) -> None:
         with contextlib.suppress(regista.RefusedError):  # it was not ours
             self.base.release()
@@ -175,10 +188,9 @@ def _loop(session: Session, keys: Keys, descriptor: int) -> None:
 
 def _press(session: Session, keys: Keys, key: str) -> Velocity | None:
     if key == " ":
-        session.dead_man.let_go()
-        session.connection.stop()
+        session.stop()
     elif key == "t":
-        session.base.take()
+        session.take()
     elif key in "+-":
         keys.scale(1.1 if key == "+" else 1 / 1.1)
     elif (held := keys.press(key, time.monotonic())) is not None:

@@ -128,8 +128,7 @@ def _loop(session: Session, pad: Pad, descriptor: int, path: Path) -> None:
                     session.dead_man.hold(held)
                 if pad.stop_pressed:
                     pad.stop_pressed = False
-                    session.dead_man.let_go()
-                    session.connection.stop()
+                    session.stop()
             session.step()
             now = time.monotonic()
             if common.console.is_terminal and now - drawn >= 0.2:

@@ -71,13 +71,13 @@ def frame(record: Record) -> bytes:
     return regista.wire.frame(message, f"{interface}:{index}", subtype, answer=answer)
 
 
-def pace(records: Iterator[tuple[float, Record]], loop_from: float = 0.0) -> Iterator[tuple[float, Record]]:
-    """Hand on each record when its time has come."""
-    began = time.monotonic() - loop_from
+def pace(records: Iterator[tuple[float, Record]]) -> Iterator[tuple[float, float, Record]]:
+    """Hand on each record when its time has come: the time, how late it is by our fault [s], and the record."""
+    began = time.monotonic()
     for offset, record in records:
         while (left := began + offset - time.monotonic()) > 0:
             time.sleep(left)
-        yield offset, record
+        yield offset, -left, record
 
 
 @contextlib.contextmanager
@@ -169,7 +169,7 @@ def replay(
         common.note(f"{file} ends in the middle; played is what came before")
 
 
-def _rounds(source: Recording, cut: Cut, loop: bool) -> Iterator[tuple[float, Record]]:
+def _rounds(source: Recording, cut: Cut, loop: bool) -> Iterator[tuple[float, float, Record]]:
     """Paced, and with --loop again and again."""
     # No collection between two records: it would come late.
     gc.collect()
@@ -208,14 +208,15 @@ def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: boo
         if wait:
             _wait_for_client(endpoint)
         with _progress(source, cut) as progress:
-            count, shown = 0, 0.0
-            for offset, record in _rounds(source, cut, loop):
+            count, shown, latest = 0, 0.0, 0.0
+            for offset, late, record in _rounds(source, cut, loop):
                 os.write(feed.fileno(), frame(record))
                 count += 1
+                latest = max(latest, late)
                 if not progress.disable and time.monotonic() - shown > 0.2:
                     shown = time.monotonic()
                     progress.update(progress.task_ids[0], completed=offset, count=count)
-    common.note(f"{count} messages")
+    common.note(f"{count} messages, at most {common.duration(latest)} late")
 
 
 def _wait_for_client(endpoint: str) -> None:
@@ -236,7 +237,7 @@ def _drive(source: Recording, cut: Cut, devices: list[str], to: str, move: bool,
     with common.connect(to, "replay") as connection, _progress(source, cut) as progress:
         proxies = {name: connection.position2d(int(name.partition(":")[2])) for name in bases}
         try:
-            for offset, record in _rounds(source, cut, loop):
+            for offset, _, record in _rounds(source, cut, loop):
                 base = proxies.get(record.metadata["device"])
                 if base is None or "velocity" not in record.message:
                     continue
