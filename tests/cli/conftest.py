@@ -84,7 +84,12 @@ class Terminal:
         self.master, slave = pty.openpty()
         command = [*REGISTA, *map(str, arguments)]
         self.process = subprocess.Popen(
-            command, stdin=slave, stdout=slave, stderr=slave, env=environment(TERM="xterm", **env), start_new_session=True
+            command,
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            env=environment(TERM="xterm", **env),
+            start_new_session=True,
         )
         os.close(slave)
         self.shown = ""

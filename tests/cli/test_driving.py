@@ -50,7 +50,7 @@ def test_drive_moves_while_a_key_is_held_and_stops_when_not(fresh, watcher):
 def test_drive_ends_at_rest_with_ctrl_c_and_leaves_the_terminal_as_it_was(fresh, watcher):
     import termios
 
-    base, until = watcher
+    _, until = watcher
     with Terminal("drive", "--robot", fresh.robot) as terminal:
         before = termios.tcgetattr(terminal.master)
         terminal.wait_for("nobody")
@@ -75,7 +75,7 @@ def test_drive_killed_hard_leaves_a_robot_at_rest(fresh, watcher):
 
 
 def test_drive_shows_who_drives_and_takes_over_only_when_asked(fresh, watcher):
-    base, until = watcher
+    _, until = watcher
     with owned(fresh, "nav@laptop", 10), Terminal("drive", "--robot", fresh.robot) as terminal:
         terminal.wait_for("nav@laptop")
         terminal.keys("w")
@@ -135,7 +135,7 @@ def gamepad(tmp_path, fresh):
 
 
 def test_joy_drives_only_while_the_dead_mans_button_is_held(watcher, gamepad):
-    base, until = watcher
+    _, until = watcher
     process, pad = gamepad
     os.write(pad, AHEAD)
     os.write(pad, HOLD)
@@ -151,7 +151,7 @@ def test_joy_drives_only_while_the_dead_mans_button_is_held(watcher, gamepad):
 
 
 def test_joy_stops_with_its_stop_button_and_ends_with_ctrl_c(watcher, gamepad):
-    base, until = watcher
+    _, until = watcher
     process, pad = gamepad
     os.write(pad, AHEAD + HOLD)
     until(lambda base: base.state.velocity.x > 0.2)

@@ -2,7 +2,6 @@
 """record, replay and plot against real servers."""
 
 import contextlib
-import json
 import math
 import re
 import signal
@@ -337,5 +336,3 @@ def test_plot_without_matplotlib_says_how_to_install_it(lap, tmp_path):
     (tmp_path / "matplotlib.py").write_text("raise ImportError('not here')\n")
     done = run("plot", lap, env={"PYTHONPATH": f"{tmp_path}:{environment().get('PYTHONPATH', '')}"})
     assert done.returncode == 1 and "pip install 'regista[plot]'" in done.stderr
-
-

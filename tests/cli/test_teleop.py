@@ -1,11 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dead man's switch, keys and gamepads: time is made up."""
 
+import itertools
 import math
 
 import pytest
-from regista.cli.teleop import AXES, BUTTONS, EV_ABS, EV_KEY, EV_SYN, EVENT, SYN_DROPPED
-from regista.cli.teleop import DeadMan, Keys, Layout, Pad, Release, Velocity
+from regista.cli.teleop import (
+    AXES,
+    BUTTONS,
+    EV_ABS,
+    EV_KEY,
+    EV_SYN,
+    EVENT,
+    SYN_DROPPED,
+    DeadMan,
+    Keys,
+    Layout,
+    Pad,
+    Release,
+    Velocity,
+)
 
 AHEAD = Velocity(x=0.3)
 
@@ -30,7 +44,7 @@ def test_what_is_held_is_repeated_more_often_than_the_shortest_lease():
     switch = DeadMan()
     switch.hold(AHEAD)
     times = [time for time, _ in sent(switch, 0.0, 1.0)]
-    assert max(b - a for a, b in zip(times, times[1:], strict=False)) <= 0.0502
+    assert max(b - a for a, b in itertools.pairwise(times)) <= 0.0502
     assert len(times) == 20 or len(times) == 21
 
 
@@ -158,7 +172,7 @@ def test_a_stick_near_its_middle_is_still_and_grows_from_there():
         gamepad.feed(event(EV_ABS, AXES["ABS_Y"], value))
         speeds.append(gamepad.velocity().x)
     assert speeds == sorted(speeds)
-    assert max(b - a for a, b in zip(speeds, speeds[1:], strict=False)) < 0.03
+    assert max(b - a for a, b in itertools.pairwise(speeds)) < 0.03
 
 
 def test_events_come_in_pieces():

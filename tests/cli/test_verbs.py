@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every verb against a real server: what it says, and how it ends."""
 
+import itertools
 import json
 import os
 import signal
@@ -62,7 +63,7 @@ def test_print_text(sim):
 def test_print_rate(sim):
     done = sim.run("print", "position2d", "--rate", 10, "--count", 5, "--json")
     stamps = [json.loads(line)["stamp"] for line in done.stdout.splitlines()]
-    steps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
+    steps = [b - a for a, b in itertools.pairwise(stamps)]
     assert len(stamps) == 5 and min(steps) > 0.05
 
 
@@ -248,7 +249,9 @@ def test_addresses_that_are_none(robot, text):
 
 
 def test_ipv6(sim):
-    assert run("list", "--robot", f"[::1]:{sim.port}").returncode == 3  # it listens on IPv4 only, and the text says where
+    assert (
+        run("list", "--robot", f"[::1]:{sim.port}").returncode == 3
+    )  # it listens on IPv4 only, and the text says where
 
 
 @pytest.mark.parametrize("arguments", [["lst"], ["list", "--nonsense"], ["print"], ["kick", "fast"], ["print", "a:b"]])

@@ -19,7 +19,7 @@ def decode(data: bytes) -> list[dict[str, Any]]:
 
 
 def frame(message: Struct, device: str, subtype: int, *, answer: bool = False) -> bytes:
-    """A message as a server sends it: data of a device such as "position2d:0", or the answer to its request `subtype`."""
+    """A message as a server sends it: data of a device such as "position2d:0", or the answer to a request `subtype`."""
     return _core.wire_frame(message, device, subtype, answer)
 
 

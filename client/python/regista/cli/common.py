@@ -41,7 +41,9 @@ RobotOption = Annotated[
         "--robot", "-r", metavar="HOST[:PORT]", envvar="REGISTA_ROBOT", help=f"Which robot; port {PORT} unless it says."
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on standard output, one object a line where it repeats.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="JSON on standard output, one object a line where it repeats.")
+]
 TimeoutOption = Annotated[
     float, typer.Option("--timeout", min=0.05, max=600, metavar="S", help="How long to wait for each answer [s].")
 ]
@@ -100,6 +102,11 @@ def index_of(name: str, interface: str) -> int:
     if given != interface:
         fail(USAGE, f"{name} is no {interface}; `regista list` names what there is")
     return int(index)
+
+
+def state_name(state: int) -> str:
+    """Of a motion: "driving"; a newer server may have states that we do not know."""
+    return getattr(state, "name", str(state))
 
 
 def print_json(value: Any) -> None:

@@ -79,7 +79,9 @@ def _examine_driver(driver: dict[str, Any]) -> Iterator[Finding]:
         yield Finding(Health.ERROR, thing, "hangs in a call", "see the server's log; hang_exit restarts it")
     faulty = [group for device in driver["devices"] for group in device["motion"] if group["state"] == "fault"]
     if faulty:
-        yield Finding(Health.ERROR, thing, f"fault: {faulty[0]['reason']}", "it is opened again by itself, with back-off")
+        yield Finding(
+            Health.ERROR, thing, f"fault: {faulty[0]['reason']}", "it is opened again by itself, with back-off"
+        )
     elif driver["faults"] and not driver["open"] and any(device["subscribers"] for device in driver["devices"]):
         yield Finding(Health.ERROR, thing, f"does not open; failed {driver['faults']} times", "see the server's log")
     elif driver["faults"]:
@@ -87,7 +89,10 @@ def _examine_driver(driver: dict[str, Any]) -> Iterator[Finding]:
     if driver["beats"] and driver["beats_missed"] > MISSED_SHARE * driver["beats"]:
         share = 100 * driver["beats_missed"] / driver["beats"]
         yield Finding(
-            Health.WARN, thing, f"misses {share:.0f} % of its beats", "lower its rate, or look what else the machine does"
+            Health.WARN,
+            thing,
+            f"misses {share:.0f} % of its beats",
+            "lower its rate, or look what else the machine does",
         )
     if driver["queues"]["down_refused"]:
         yield Finding(Health.WARN, thing, f"{driver['queues']['down_refused']} messages found its queue full")

@@ -95,9 +95,10 @@ class Session:
             text.append("driven by: a stock Player server does not tell\n")
         else:
             owner = f"{motion.owner} (prio {motion.priority})" if motion.owner else "nobody"
-            style = "green" if motion.state.name == "driving" else "yellow"
+            state = common.state_name(motion.state)
+            style = "green" if state == "driving" else "yellow"
             text.append(f"driven by: {owner}   ")
-            text.append(f"{motion.state.name.upper()}", style=style)
+            text.append(state.upper(), style=style)
             text.append(f"{': ' + motion.reason if motion.reason else ''}\n")
         pose, speed = self.base.state.pose, self.base.state.velocity
         age = self.base.age
@@ -179,7 +180,7 @@ def _loop(session: Session, keys: Keys, descriptor: int) -> None:
                     velocity = _press(session, keys, key) or velocity
             session.step()
             now = time.monotonic()
-            if ready and descriptor in ready or now - drawn >= 0.2:
+            if descriptor in ready or now - drawn >= 0.2:
                 drawn = now
                 held = velocity if session.dead_man.held else None
                 scale = f"speed {keys.speed:.2f} m/s, turn {keys.turn:.2f} rad/s"
@@ -200,6 +201,6 @@ def _press(session: Session, keys: Keys, key: str) -> Velocity | None:
 
 
 def add_to(app: typer.Typer) -> None:
-    app.command("drive", epilog=examples("regista drive", "regista drive --robot robot7 --speed 0.5") + f"\n\n\b\nKeys:\n{HELP}")(
-        drive
-    )
+    app.command(
+        "drive", epilog=examples("regista drive", "regista drive --robot robot7 --speed 0.5") + f"\n\n\b\nKeys:\n{HELP}"
+    )(drive)

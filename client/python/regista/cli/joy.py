@@ -55,7 +55,9 @@ def _code(name: str, known: dict[str, int], option: str) -> int:
     if name.isdecimal():
         return int(name)
     if name not in known:
-        common.fail(common.USAGE, f"{option} {name}: known are {', '.join(known)}; or give its number, as evtest shows it")
+        common.fail(
+            common.USAGE, f"{option} {name}: known are {', '.join(known)}; or give its number, as evtest shows it"
+        )
     return known[name]
 
 
@@ -108,7 +110,9 @@ def open_pad(path: Path) -> int:
     try:
         return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except PermissionError:
-        common.fail(common.FAILED, f"{path}: permission denied; add yourself to its group: sudo usermod -aG input $USER")
+        common.fail(
+            common.FAILED, f"{path}: permission denied; add yourself to its group: sudo usermod -aG input $USER"
+        )
     except OSError as error:
         common.fail(common.FAILED, f"{path}: {error.strerror}; is the gamepad plugged in?")
 
@@ -152,5 +156,7 @@ def _events(session: Session, descriptor: int, path: Path) -> bytes:
 def add_to(app: typer.Typer) -> None:
     app.command(
         "joy",
-        epilog=examples("regista joy", "regista joy --pad /dev/input/event7 --hold BTN_TL --ahead ABS_Y --turning ABS_RX"),
+        epilog=examples(
+            "regista joy", "regista joy --pad /dev/input/event7 --hold BTN_TL --ahead ABS_Y --turning ABS_RX"
+        ),
     )(joy)

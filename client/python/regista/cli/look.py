@@ -17,7 +17,9 @@ from . import common
 from .common import JsonOption, RobotOption, TimeoutOption, examples
 
 LOCALHOST = f"localhost:{common.PORT}"
-DeviceArgument = Annotated[str, typer.Argument(metavar="DEVICE", help="Such as position2d:0; the index 0 may be left out.")]
+DeviceArgument = Annotated[
+    str, typer.Argument(metavar="DEVICE", help="Such as position2d:0; the index 0 may be left out.")
+]
 
 
 def list_devices(robot: RobotOption = LOCALHOST, json: JsonOption = False, timeout: TimeoutOption = 2.0) -> None:
@@ -42,7 +44,7 @@ def info(
         told: dict[str, Any] = {"device": name, "driver": proxy.driver}
         motion = proxy.motion()
         if motion is not None:
-            told |= {"state": motion.state.name, "owner": motion.owner, "reason": motion.reason}
+            told |= {"state": common.state_name(motion.state), "owner": motion.owner, "reason": motion.reason}
         for request in recording.descriptions(name.partition(":")[0]):
             try:
                 told[type(request).NAME] = proxy.request(request).to_dict()

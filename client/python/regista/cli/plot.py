@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import re
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from ..recording import Recording
 from . import common
 from .common import examples
 
+USUAL = (r"position2d:\d+\.velocity\.", r"power:\d+\.(voltage_v|charge_percent)")  # drawn when nothing is named
 UNIT = re.compile(r"^\[([^]]+)\]")
 
 
@@ -63,7 +65,7 @@ def choose(series: dict[str, Series], wanted: list[str], path: Path) -> list[lis
     for name in wanted:
         if name not in series:
             common.fail(common.FAILED, f"{path} has no {name}; it has {', '.join(sorted(series)) or 'no numbers'}")
-    names = wanted or [n for n in series if re.match(r"position2d:\d+\.velocity\.|power:\d+\.(voltage|charge)", n)]
+    names = wanted or [n for pattern in USUAL for n in series if re.match(pattern, n)]
     plots: dict[tuple[str, str], list[str]] = {}
     for name in names:
         plots.setdefault((name.partition(".")[0], series[name].unit), []).append(name)
@@ -107,7 +109,7 @@ def _draw_trajectories(axes: Any, series: dict[str, Series], devices: list[str])
         axes.plot(x[0], y[0], "o", color=color, markerfacecolor="white", label="begin")
         axes.plot(x[-1], y[-1], "o", color=color, label="end")
         axes.quiver(
-            *zip(*_arrows(x, y, headings), strict=True), color=color, alpha=0.6, angles="xy", width=0.005, scale=22
+            *zip(*_arrows(x, y, headings), strict=True), color=color, alpha=0.6, angles="xy", width=0.007, scale=20
         )
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
@@ -122,7 +124,8 @@ def _arrows(x: list[float], y: list[float], headings: list[float], count: int = 
     length = [0.0]
     for i in range(1, len(x)):
         length.append(length[-1] + math.hypot(x[i] - x[i - 1], y[i] - y[i - 1]))
-    arrows, due = [], 0.0
+    due = 0.0
+    arrows: list[tuple[float, ...]] = []
     for i, way in enumerate(length):
         if way >= due:
             arrows.append((x[i], y[i], math.cos(headings[i]), math.sin(headings[i])))
@@ -130,10 +133,19 @@ def _arrows(x: list[float], y: list[float], headings: list[float], count: int = 
     return arrows
 
 
+def _has_matplotlib() -> bool:
+    try:
+        importlib.import_module("matplotlib.figure")
+    except ImportError:
+        return False
+    return True
+
+
 def plot(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An MCAP file of `regista record`.")],
     fields: Annotated[
-        list[str] | None, typer.Argument(metavar="[FIELD]...", help="What to draw over time, such as power:0.voltage_v.")
+        list[str] | None,
+        typer.Argument(metavar="[FIELD]...", help="What to draw over time, such as power:0.voltage_v."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="PICTURE", help="PNG, SVG or PDF; default: FILE.svg.")
@@ -142,9 +154,7 @@ def plot(
     """Draw a recording.
 
     Where each base went, and numbers over time."""
-    try:
-        import matplotlib as _
-    except ImportError:
+    if not _has_matplotlib():
         common.fail(common.FAILED, "plot needs matplotlib; install it with: pip install 'regista[plot]'")
     recording = Recording(file)
     series = read_series(recording)

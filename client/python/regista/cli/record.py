@@ -61,7 +61,7 @@ class Log:
         level = LEVELS[min(event.severity, len(LEVELS) - 1)]
         self._recorder.put(recording.LOG, foxglove.log(now, level, event.text), now, now)
 
-    def _channel(self, device: str, kind: type) -> Channel:
+    def _channel(self, device: str, kind: Any) -> Channel:
         channel = self._channels.get((device, kind))
         if channel is None:
             metadata = {"device": device, "kind": "data", "subtype": str(kind.SUBTYPE)}
@@ -76,7 +76,7 @@ def _topic(device: str) -> str:
     return "/" + device.replace(":", "/")
 
 
-def _name(device: str, kind: type) -> str:
+def _name(device: str, kind: Any) -> str:
     return f"regista.{device.partition(':')[0]}.{kind.__name__}"
 
 

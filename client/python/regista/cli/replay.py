@@ -130,7 +130,9 @@ def refuse_beside_live(port: int, sim: bool) -> None:
                 devices = ", ".join(f"{device.address} ({device.driver})" for device in live.devices())
         except regista.Error:
             continue
-        choice = "choose another port with --port" if beside == port and sim else "stop it, or, if nothing there moves, "
+        choice = (
+            "choose another port with --port" if beside == port and sim else "stop it, or, if nothing there moves, "
+        )
         if not (beside == port and sim):
             choice += f"replay beside it with --sim --port {port + 1 if beside == port else port}"
         common.fail(common.REFUSED, f"localhost:{beside} is a server with live devices: {devices}; {choice}")
@@ -138,7 +140,9 @@ def refuse_beside_live(port: int, sim: bool) -> None:
 
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An MCAP file of `regista record`.")],
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Where to serve; 0: any free one.")] = common.PORT,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Where to serve; 0: any free one.")
+    ] = common.PORT,
     rate: Annotated[float, typer.Option("--rate", min=0.01, max=1000, metavar="X", help="2: twice as fast.")] = 1.0,
     start: Annotated[float, typer.Option("--start", min=0, metavar="S", help="Begin there [s].")] = 0.0,
     end: Annotated[float | None, typer.Option("--end", min=0, metavar="S", help="End there [s].")] = None,
@@ -153,7 +157,8 @@ def replay(
 ) -> None:
     """Serve a recording as if it were the robot.
 
-    Clients see the recorded devices, values and times. Commands are refused, as nothing moves. With --to, the recorded velocities are sent to a robot instead."""
+    Clients see the recorded devices, values and times. Commands are refused, as nothing moves. With --to, the recorded
+    velocities are sent to a robot instead."""
     source = Recording(file)
     cut = Cut(start, end, rate)
     devices = list(dict.fromkeys(record.metadata["device"] for _, record in data_records(source, Cut())))

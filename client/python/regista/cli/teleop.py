@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass
+from typing import ClassVar
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Keys:
     FIRST = 0.6  # s; keyboards begin to repeat after 0.25 to 0.6 s
     REPEAT = 0.2  # s; and go on at 10 to 30 a second
 
-    DIRECTIONS = {
+    DIRECTIONS: ClassVar = {
         "w": (1, 0, 0),
         "s": (-1, 0, 0),
         "a": (0, 0, 1),
@@ -106,7 +107,7 @@ class Keys:
         "q": (0, 1, 0),
         "e": (0, -1, 0),
     }
-    _ARROWS = {"A": "w", "B": "s", "C": "d", "D": "a"}  # ECMA-48 cursor keys: up, down, right, left
+    _ARROWS: ClassVar = {"A": "w", "B": "s", "C": "d", "D": "a"}  # ECMA-48 cursor keys: up, down, right, left
 
     def __init__(self, speed: float, turn: float) -> None:
         self.speed, self.turn = speed, turn  # m/s, rad/s

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages in the shapes that Foxglove and Lichtblick draw by themselves (github.com/foxglove/foxglove-sdk, schemas)."""
+"""Messages in shapes that Foxglove and Lichtblick draw by themselves: schemas of github.com/foxglove/foxglove-sdk."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import IO, Any
 
 from mcap.exceptions import McapError
@@ -40,21 +41,21 @@ class Recording:
     Raises OSError when it cannot be opened and ValueError when it is no MCAP file."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = path
+        self.path = Path(path)
         self.complete = True
-        with open(path, "rb") as file:
+        with self.path.open("rb") as file:
             if file.read(8) != b"\x89MCAP0\r\n":
-                raise ValueError(f"{os.fspath(path)} is no MCAP file")
+                raise ValueError(f"{self.path} is no MCAP file")
 
     def __iter__(self) -> Iterator[Record]:
         self.complete = True
-        with open(self.path, "rb") as file:
+        with self.path.open("rb") as file:
             yield from self._records(file)
 
     def span(self) -> tuple[int, int, int]:
         """Number of messages, and the times of the first and the last [ns since the epoch]. Reads the whole file when
         it has no summary."""
-        with open(self.path, "rb") as file:
+        with self.path.open("rb") as file:
             try:
                 summary = make_reader(file).get_summary()
             except CUT:

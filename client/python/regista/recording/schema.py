@@ -13,6 +13,7 @@ import math
 import re
 import types
 import typing
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,12 +21,19 @@ import numpy as np
 from regista import message
 
 S = TypeVar("S", bound=message.Struct)
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _cache(function: F) -> F:
+    """For mypy, to which a class is not hashable when its instances are not."""
+    return typing.cast("F", functools.cache(function))
+
 
 # "        voltage: [V] of the pack": a line of a class's docstring.
 _FIELD = re.compile(r"^ +(\w+): *(.*)$", re.MULTILINE)
 
 
-@functools.cache
+@_cache
 def schema(kind: type[message.Struct]) -> dict[str, Any]:
     """The JSON Schema of a message; units and meanings are its descriptions."""
     docs = dict(_FIELD.findall((inspect.getdoc(kind) or "").partition("Attributes:")[2]))
@@ -47,16 +55,16 @@ def read(kind: type[S], values: dict[str, Any]) -> S:
     return kind.from_dict({name: _read(hint, values[name]) for name, hint in _hints(kind).items() if name in values})
 
 
-@functools.cache
+@_cache
 def data_class(interface: str, subtype: int) -> type[message.Data] | None:
     """The class of a data message; None when this version does not know it."""
-    return next((kind for kind in _messages(interface, message.Data) if kind.SUBTYPE == subtype), None)
+    return next((kind for kind in _messages(interface, message.Data) if subtype == kind.SUBTYPE), None)
 
 
-@functools.cache
+@_cache
 def answer_class(interface: str, subtype: int) -> type[message.Struct] | None:
     """The class of the answer to a request; None when this version does not know it."""
-    asked = next((kind for kind in _messages(interface, message.Request) if kind.SUBTYPE == subtype), None)
+    asked = next((kind for kind in _messages(interface, message.Request) if subtype == kind.SUBTYPE), None)
     return None if asked is None else reply_class(asked)
 
 
@@ -69,10 +77,10 @@ def _messages(interface: str, base: type[S]) -> list[type[S]]:
     return [kind for kind in found if hasattr(kind, "SUBTYPE")]
 
 
-@functools.cache
+@_cache
 def _hints(kind: type[message.Struct]) -> dict[str, Any]:
     hints = typing.get_type_hints(kind)
-    return {field.name: hints[field.name] for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
 
 
 def _title(kind: type[message.Struct]) -> str:
@@ -131,7 +139,7 @@ def _read(hint: Any, value: Any) -> Any:
     return value
 
 
-@functools.cache
+@_cache
 def descriptions(interface: str) -> tuple[message.Request[Any], ...]:
     """The requests that ask a device of this interface what it is, such as its geometry, and change nothing."""
     asking = (kind for kind in _messages(interface, message.Request) if kind.__name__.startswith("Get"))

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 from mcap.writer import CompressionType, Writer
 
@@ -93,7 +93,7 @@ class Recorder:
         self._closing = False
         self._condition = threading.Condition()
         self._buffer = _Buffer()
-        self._writer = Writer(self._buffer, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer = Writer(cast(IO[bytes], self._buffer), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._channels: dict[Channel, int] = {}
         self._schemas: dict[str, int] = {}
         self._chunk_began: float | None = None  # monotonic [s]; None: the chunk is empty
@@ -166,9 +166,9 @@ class Recorder:
             if self._trouble is not None:
                 self._store()
             elif self._chunk_began is not None and time.monotonic() - self._chunk_began >= CHUNK_SECONDS:
-                self._writer.flush()
+                self._writer.flush()  # type: ignore[no-untyped-call]
                 self._store()
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._store()
 
     def _patience(self) -> float | None:
