@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <iostream>
 #include <regista/client/robot.hpp>
+#include <regista/server/playback.hpp>
 #include <regista/server/server.hpp>
 #include <thread>
 
@@ -93,7 +94,8 @@ int serve(const Arguments& arguments) {
   const auto logger = make_logger(arguments);
   ServerOptions options{.port = arguments.check ? std::optional<std::uint16_t>{0} : arguments.port,
                         .listen = arguments.check ? std::vector<std::string>{"127.0.0.1"} : arguments.listen,
-                        .plugin_folders = arguments.plugin_folders};
+                        .plugin_folders = arguments.plugin_folders,
+                        .plugins = {&playback}};
   options.plugin_folders.push_back(usual_plugin_folder());
   options.plugin_folders.emplace_back(REGISTA_PLUGIN_FOLDER);
   const auto log = [logger, json = arguments.json_log](LogLevel level, const std::string& text) {

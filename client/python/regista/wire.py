@@ -7,6 +7,7 @@ import json
 from typing import Any
 
 from regista import _core
+from regista.message import Struct
 
 
 def decode(data: bytes) -> list[dict[str, Any]]:
@@ -15,6 +16,11 @@ def decode(data: bytes) -> list[dict[str, Any]]:
     if rest:
         raise ValueError(f"byte {len(data) - rest}: {rest} bytes are no whole message")
     return [json.loads(message) for message in messages]
+
+
+def frame(message: Struct, device: str, subtype: int, *, answer: bool = False) -> bytes:
+    """A message as a server sends it: data of a device such as "position2d:0", or the answer to a request `subtype`."""
+    return _core.wire_frame(message, device, subtype, answer)
 
 
 def encode(message: dict[str, Any]) -> bytes:

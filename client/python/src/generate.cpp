@@ -100,7 +100,8 @@ Spelling spell(const T& value, std::string_view from) {
   } else if constexpr (std::same_as<T, Text>) {
     return {"str", "\"" + std::string{value.view()} + "\""};
   } else if constexpr (std::same_as<T, std::vector<std::uint8_t>>) {
-    return {"bytes", "b\"\""};
+    module.imports.insert("import builtins");  // a field may be called bytes
+    return {"builtins.bytes", "b\"\""};
   } else if constexpr (is_vector<T> || is_array<T>) {
     using Element = typename T::value_type;
     module.imports.insert("from dataclasses import dataclass, field");

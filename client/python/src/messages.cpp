@@ -3,6 +3,8 @@
 
 #include <pybind11/numpy.h>
 
+#include <regista/xdr/registry.hpp>
+
 #include "names.hpp"
 
 namespace regista::python {
@@ -281,6 +283,20 @@ std::uint8_t first_data(std::uint16_t interface) {
 
 AnyCommand to_command(const py::handle& object) { return read_any<AnyCommand>(object, "command"); }
 AnyRequest to_request(const py::handle& object) { return read_any<AnyRequest>(object, "request"); }
+
+py::bytes frame(const py::handle& object, const xdr::Header& header) {
+  std::vector<std::byte> bytes;
+  const bool known = xdr::with_body_type(header, [&]<typename Body>() {
+    if constexpr (module_name<Body>() != "property" && !std::same_as<Body, Empty>) {
+      Body body;
+      read(object, body, Path{nullptr, class_name<Body>()});
+      bytes.resize(xdr::header_size + xdr::encoded_size(body));
+      xdr::encode_message(header, body, bytes);
+    }
+  });
+  if (!known || bytes.empty()) throw py::value_error{xdr::unknown_message(header).message()};
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
 
 std::string_view name_of(const AnyCommand& command) {
   return std::visit([]<typename M>(const M&) { return M::message.name; }, command);

@@ -4,6 +4,7 @@
 #include <pybind11/pybind11.h>
 
 #include <regista/interfaces/messages.hpp>
+#include <regista/xdr/codec.hpp>
 
 /// Messages to and from their classes in Python. All of this needs the GIL.
 namespace regista::python {
@@ -30,5 +31,8 @@ AnyRequest to_request(const py::handle& object);
 /// "SET_ODOM"
 std::string_view name_of(const AnyCommand& command);
 std::string_view name_of(const AnyRequest& request);
+
+/// A message as it goes over the wire, header and body: the data, or the answer, that `header` names. Throws as above.
+py::bytes frame(const py::handle& object, const xdr::Header& header);
 
 }  // namespace regista::python

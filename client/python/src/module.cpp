@@ -610,6 +610,12 @@ PYBIND11_MODULE(_core, m) {
   m.def("first_data", [](const std::string& address) { return first_data(to_address(address).interface); });
   m.def("wire_decode", &wire_decode);
   m.def("wire_encode", &wire_encode);
+  m.def("wire_frame", [](const py::handle& message, const std::string& device, std::uint8_t subtype, bool answer) {
+    const Address address = to_address(device);
+    return frame(message, {.address = {.interface = address.interface, .index = address.index},
+                           .kind = answer ? Kind::ack : Kind::data,
+                           .subtype = subtype});
+  });
 }
 
 }  // namespace regista::python

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`regista record`: what a robot says, into an MCAP file."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import Progress, TextColumn, TimeElapsedColumn
+
+import regista
+
+from .. import recording
+from ..recording import Channel, Recorder, foxglove
+from . import common
+from .common import RobotOption, TimeoutOption, examples
+from .drive import ends_on_signals
+from .look import LOCALHOST
+
+POSE = "foxglove.PoseInFrame"
+LOCATION = "foxglove.LocationFix"
+LEVELS = (foxglove.INFO, foxglove.WARNING, foxglove.ERROR)
+
+
+class Log:
+    """Turns what a robot says into records."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._channels: dict[tuple[str, type], Channel] = {}
+        # One offset for the whole recording: a clock that is set meanwhile does not shift what comes after.
+        self._epoch_ns = time.time_ns() - time.monotonic_ns()
+
+    def data(self, received: regista.Received) -> None:
+        log_ns = self._epoch_ns + round(received.arrival * 1e9)
+        stamp_ns = round(received.stamp * 1e9)
+        message = received.message
+        self._recorder.put(self._channel(received.device, type(message)), recording.write(message), log_ns, stamp_ns)
+        if isinstance(message, regista.position2d.State):
+            pose = foxglove.pose(stamp_ns, "odom", message.pose.x, message.pose.y, message.pose.heading)
+            channel = Channel(f"{_topic(received.device)}/pose", POSE, foxglove.POSE_IN_FRAME)
+            self._recorder.put(channel, pose, log_ns, stamp_ns)
+        elif isinstance(message, regista.gps.State):
+            where = (message.latitude / 1e7, message.longitude / 1e7, message.altitude_mm / 1e3)
+            channel = Channel(f"{_topic(received.device)}/location", LOCATION, foxglove.LOCATION_FIX)
+            self._recorder.put(channel, foxglove.location(stamp_ns, "gps", *where), log_ns, stamp_ns)
+
+    def answer(self, device: str, request: Any, reply: Any) -> None:
+        """What a device is, such as its geometry: replayed as the answer to the same request."""
+        now = time.time_ns()
+        metadata = {"device": device, "kind": "answer", "subtype": str(type(request).SUBTYPE)}
+        topic = f"{_topic(device)}/{type(request).NAME.lower()}"
+        channel = Channel(topic, _name(device, type(reply)), recording.schema(type(reply)), metadata)
+        self._recorder.put(channel, recording.write(reply), now, now)
+
+    def event(self, event: Any) -> None:
+        now = time.time_ns()
+        level = LEVELS[min(event.severity, len(LEVELS) - 1)]
+        self._recorder.put(recording.LOG, foxglove.log(now, level, event.text), now, now)
+
+    def _channel(self, device: str, kind: Any) -> Channel:
+        channel = self._channels.get((device, kind))
+        if channel is None:
+            metadata = {"device": device, "kind": "data", "subtype": str(kind.SUBTYPE)}
+            topic = f"{_topic(device)}/{kind.NAME.lower()}"
+            channel = Channel(topic, _name(device, kind), recording.schema(kind), metadata)
+            self._channels[device, kind] = channel
+        return channel
+
+
+def _topic(device: str) -> str:
+    """/position2d/0"""
+    return "/" + device.replace(":", "/")
+
+
+def _name(device: str, kind: Any) -> str:
+    return f"regista.{device.partition(':')[0]}.{kind.__name__}"
+
+
+def record(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Such as lap.mcap.")],
+    devices: Annotated[
+        list[str] | None, typer.Argument(metavar="[DEVICE]...", help="Only these; default: all of the robot.")
+    ] = None,
+    robot: RobotOption = LOCALHOST,
+    seconds: Annotated[float | None, typer.Option("--for", min=0.1, metavar="S", help="End after so long [s].")] = None,
+    force: Annotated[bool, typer.Option("--force", "-f", help="Overwrite the file.")] = False,
+    timeout: TimeoutOption = 2.0,
+) -> None:
+    """Record what the robot says, until Ctrl-C.
+
+    Into an MCAP file that Foxglove, Lichtblick and PlotJuggler open.
+
+    The file can be read at any time, also after a power cut: all but the last second is there. A full disk stops the
+    recording, and it goes on when there is space. Recording opens the devices, as every client does."""
+    with common.connect(robot, "record", timeout=timeout, reconnect=True) as connection:
+        names = [common.parse_device(name) for name in devices or []] or [d.address for d in connection.devices()]
+        if not names:
+            common.fail(common.FAILED, f"{robot} has no devices")
+        try:
+            recorder = Recorder(file, overwrite=force, on_notice=common.note)
+        except FileExistsError:
+            common.fail(common.FAILED, f"{file} is already there; choose another name, or --force to overwrite it")
+        trouble = None
+        try:
+            log = Log(recorder)
+            open_devices(connection, names, log)
+            with ends_on_signals(), contextlib.suppress(KeyboardInterrupt):
+                _loop(connection, recorder, log, seconds)
+        finally:
+            trouble = recorder.close()
+    summary = f"{file}: {recorder.written} messages, {recorder.size} bytes, {recorder.dropped} dropped"
+    if trouble is not None:
+        common.fail(common.FAILED, f"{summary}; the end is missing: {trouble.strerror}")
+    common.note(summary)
+
+
+def open_devices(connection: regista.Robot, names: list[str], log: Log) -> None:
+    """Subscribe, and ask each device once what it is."""
+    for name in names:
+        proxy = connection.device(name)
+        for request in recording.descriptions(name.partition(":")[0]):
+            with contextlib.suppress(regista.RefusedError):
+                log.answer(name, request, proxy.request(request))
+
+
+def _loop(connection: regista.Robot, recorder: Recorder, log: Log, seconds: float | None) -> None:
+    began = time.monotonic()
+    end = None if seconds is None else began + seconds
+    columns = (TextColumn("recording"), TimeElapsedColumn(), TextColumn("{task.fields[counts]}"))
+    with Progress(*columns, console=common.stderr, transient=True, disable=not common.stderr.is_terminal) as progress:
+        task = progress.add_task("", total=None, counts="")
+        while end is None or time.monotonic() < end:
+            until = time.monotonic() + 0.25
+            for received in common.messages(connection, until=until if end is None else min(until, end)):
+                log.data(received)
+            for event in connection.events():
+                log.event(event)
+            counts = f"{recorder.written} messages, {recorder.size / 1e6:.2f} MB, {recorder.dropped} dropped"
+            progress.update(task, counts=counts)
+
+
+def add_to(app: typer.Typer) -> None:
+    app.command(
+        "record", epilog=examples("regista record lap.mcap", "regista record lap.mcap position2d power --for 60")
+    )(record)
