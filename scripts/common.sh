@@ -4,7 +4,7 @@
 # as the working directory.
 
 # Debian packages to build and run what users get …
-build_packages=(cmake gcc g++ ninja-build libasio-dev libcli11-dev libeigen3-dev libfmt-dev libspdlog-dev nlohmann-json3-dev)
+build_packages=(ccache cmake gcc g++ ninja-build libasio-dev libcli11-dev libeigen3-dev libfmt-dev libspdlog-dev nlohmann-json3-dev)
 # … and those that only the checks need. libclang-rt-19-dev holds libFuzzer and the sanitizers of clang.
 test_packages=(python3 python3-venv shellcheck libbenchmark-dev libgtest-dev librapidcheck-dev clang-19 libclang-rt-19-dev)
 
@@ -49,5 +49,5 @@ install_venv() {
   cp "$pins" .venv/requirements.txt
 }
 
-# CMake reads the variable when it configures a tree for the first time.
-if command -v ccache >/dev/null; then export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache; fi
+# Presets that differ only in what they build share objects. CMake reads the variables when it configures a tree.
+export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
