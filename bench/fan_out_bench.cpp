@@ -226,6 +226,37 @@ driver (name "fake_base" provides ["position2d:1"] rate 0 samples 0 echo 1))");
               {"RTT p99 us", quantile(times_us, 0.99)}});
 }
 
+/// What a subscriber that reads nothing costs those who read.
+void beside_a_stopped_reader(Report& report, bool quick) {
+  const int times = quick ? 1 : 5;
+  const Duration how_long = quick ? 200ms : 2s;
+  constexpr Load load{.subscribers = 20, .rate_hz = 500};
+  std::array<Measured, 2> measured;  // without it, with it
+  std::uint64_t drops = 0;
+  for (int i = 0; i < times; ++i) {
+    for (const bool with : {false, true}) {
+      const ServerProcess server = start_server(base(load.rate_hz));
+      std::vector<Client> stopped;
+      if (with) stopped = subscribers(server.port, 1, 0, 4096);
+      std::vector<Client> clients = subscribers(server.port, load.subscribers);
+      measure(measured[with ? 1 : 0], server.child, clients, load, how_long);
+      if (with) drops += dropped(server.port);
+    }
+  }
+  const double p99_without = median(measured[0].age_p99_us);
+  const auto add = [&](const char* what, const Measured& m, std::uint64_t dropped_by_it) {
+    report.add("20 x 500 Hz, medians of " + std::to_string(times) + " runs",
+               {{"what", what},
+                {"delivered %", 100 * median(m.delivered_share)},
+                {"dropped", dropped_by_it},
+                {"age p50 us", median(m.age_p50_us)},
+                {"age p99 us", median(m.age_p99_us)},
+                {"p99 / without", median(m.age_p99_us) / p99_without}});
+  };
+  add("by themselves", measured[0], 0);
+  add("beside one that reads nothing", measured[1], drops);
+}
+
 /// A subscriber that reads a third of what it is sent.
 void slow_reader(Report& report, bool quick) {
   const ServerProcess server = start_server(base(1000));
@@ -307,6 +338,7 @@ void run(const Options& options) {
   fan_out(report, {.subscribers = 1000, .rate_hz = 10}, quick);
   overload(report, 1, quick);
   overload(report, 8, quick);
+  beside_a_stopped_reader(report, quick);
   slow_reader(report, quick);
   idle(report);
   jitter(report, quick);

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // How long a message and its answer take through the server, beside a bare echo over TCP in the same run.
+#include <pthread.h>
+#include <sched.h>
+
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <thread>
 
@@ -27,6 +31,7 @@ class Echo {
           } catch (const std::exception&) {  // it has left
           }
         }} {}
+  void put(const cpu_set_t& where) { ::pthread_setaffinity_np(thread_.native_handle(), sizeof where, &where); }
 
  private:
   std::jthread thread_;
@@ -54,6 +59,35 @@ class Driving {
   double velocity_ = 0;
 };
 
+/// Where the client runs, and where whoever answers it: both decide what a wake-up costs.
+struct Placement {
+  std::string name;
+  cpu_set_t client;
+  cpu_set_t peers;
+};
+
+std::vector<Placement> placements() {
+  cpu_set_t allowed;
+  if (::sched_getaffinity(0, sizeof allowed, &allowed) != 0) throw std::runtime_error{"sched_getaffinity"};
+  std::vector<cpu_set_t> each;
+  for (std::size_t cpu = 0; cpu < CPU_SETSIZE && each.size() < 2; ++cpu) {
+    if (!CPU_ISSET(cpu, &allowed)) continue;
+    CPU_ZERO(&each.emplace_back());
+    CPU_SET(cpu, &each.back());
+  }
+  std::vector<Placement> all{{"wherever the scheduler puts them", allowed, allowed}};
+  all.push_back({"client and peers on one processor", each[0], each[0]});
+  if (each.size() > 1) all.push_back({"client and peers on two processors", each[0], each[1]});
+  return all;
+}
+
+/// All threads of a process.
+void put_process(pid_t process, const cpu_set_t& where) {
+  for (const auto& task : std::filesystem::directory_iterator{"/proc/" + std::to_string(process) + "/task"}) {
+    ::sched_setaffinity(std::stoi(task.path().filename()), sizeof where, &where);
+  }
+}
+
 struct Case {
   std::string name;
   std::function<void()> once;
@@ -67,7 +101,7 @@ void run(const Options& options) {
   const ServerProcess server = start_server(R"(
 driver (name "fake_base" provides ["position2d:0"] rate 0 samples 0 echo 1)
 driver (name "fake_base" provides ["position2d:1"] rate 0 samples 0 echo 1))");
-  const Echo echo{std::move(listener)};
+  Echo echo{std::move(listener)};
   const Descriptor raw = connect_to(echo_port);
   std::array<std::byte, message_size> message{};
 
@@ -99,30 +133,35 @@ driver (name "fake_base" provides ["position2d:1"] rate 0 samples 0 echo 1))");
                      }
                    }});
 
-  // In turn, so that a change of the machine's speed meets all alike.
   const int rounds = options.quick ? 3 : 100;
   const int first_of_a_round = 20;  // not counted: caches, and data that the others' commands left behind
   const int in_a_round = options.quick ? 50 : 200;
-  for (int round = 0; round < rounds; ++round) {
-    for (Case& each : cases) {
-      for (int i = -first_of_a_round; i < in_a_round; ++i) {
-        const Time begin = Clock::now();
-        each.once();
-        if (i >= 0) each.times_us.push_back(1e6 * seconds(Clock::now() - begin));
+  Report report{options};
+  for (const Placement& placement : placements()) {
+    put_process(server.child.pid(), placement.peers);
+    echo.put(placement.peers);
+    ::sched_setaffinity(0, sizeof placement.client, &placement.client);
+    for (Case& each : cases) each.times_us.clear();
+    // In turn, so that a change of the machine's speed meets all alike.
+    for (int round = 0; round < rounds; ++round) {
+      for (Case& each : cases) {
+        for (int i = -first_of_a_round; i < in_a_round; ++i) {
+          const Time begin = Clock::now();
+          each.once();
+          if (i >= 0) each.times_us.push_back(1e6 * seconds(Clock::now() - begin));
+        }
       }
     }
-  }
-
-  Report report{options};
-  for (Case& each : cases) std::ranges::sort(each.times_us);
-  const double raw_p50 = quantile(cases.front().times_us, 0.5);
-  for (const Case& each : cases) {
-    report.add("Round trips [us]", {{"what", each.name},
-                                    {"p50", quantile(each.times_us, 0.5)},
-                                    {"p90", quantile(each.times_us, 0.9)},
-                                    {"p99", quantile(each.times_us, 0.99)},
-                                    {"max", quantile(each.times_us, 1)},
-                                    {"p50 / raw", quantile(each.times_us, 0.5) / raw_p50}});
+    for (Case& each : cases) std::ranges::sort(each.times_us);
+    const double raw_p50 = quantile(cases.front().times_us, 0.5);
+    for (const Case& each : cases) {
+      report.add("Round trips [us], " + placement.name, {{"what", each.name},
+                                                         {"p50", quantile(each.times_us, 0.5)},
+                                                         {"p90", quantile(each.times_us, 0.9)},
+                                                         {"p99", quantile(each.times_us, 0.99)},
+                                                         {"max", quantile(each.times_us, 1)},
+                                                         {"p50 / raw", quantile(each.times_us, 0.5) / raw_p50}});
+    }
   }
 }
 
