@@ -457,12 +457,6 @@ class Position2d final : public Device {
   bool is_at(const Pose2d& goal, const client::Tolerance& tolerance) {
     return use([&] { return base().is_at(goal, tolerance); });
   }
-  void follow(const std::vector<Pose2d>& path, double timeout, const client::Tolerance& tolerance) {
-    robot_->wait([&] {
-      require_connected();
-      base().follow(path, to_duration(timeout, "timeout"), tolerance);
-    });
-  }
   void set_odometry(const Pose2d& pose) {
     robot_->wait([&] {
       require_connected();
@@ -593,8 +587,6 @@ PYBIND11_MODULE(_core, m) {
       .def("stop", &Position2d::stop)
       .def("is_at", [pose, tolerance](Position2d& base, const Three& goal,
                                       const Two& near) { return base.is_at(pose(goal), tolerance(near)); })
-      .def("follow", [poses, tolerance](Position2d& base, const std::vector<Three>& path, double timeout,
-                                        const Two& near) { base.follow(poses(path), timeout, tolerance(near)); })
       .def("set_odometry", [pose](Position2d& base, const Three& here) { base.set_odometry(pose(here)); });
 
   py::class_<Follower>{m, "Follower"}
