@@ -11,8 +11,9 @@
             base.set_velocity(x=0.3)        # repeated: silence stops the robot
         await base.stop()
 
-What has to wait is awaited; what only sends or looks is called. The loop watches the robot's socket: there is no thread,
-except for the moment of connecting. Commands and values come while others wait; of requests there is one after the other.
+What has to wait is awaited; what only sends or looks is called. The loop watches the robot's socket: there is no
+thread, but for the moments of connecting and closing. Commands and values come while others wait; of requests there is
+one after the other.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from typing import Any, Generic, Literal, Self, TypeVar, cast, overload
 
 import regista
 from regista import _core, player, position2d
-from regista.errors import RefusedError, TimeoutError
+from regista.errors import RefusedError
 from regista.geometry import Pose2d
 from regista.message import Command, Data, Received, Request, Sample
-from regista.robot import PROPERTY_TYPES, DeviceInfo, to_path
+from regista.robot import PROPERTY_TYPES, DeviceInfo, not_there, to_path
 
 D = TypeVar("D", bound=Data)
 P = TypeVar("P", int, float, bool, str)
@@ -122,8 +123,11 @@ class Robot:
         async with self._asking:
             if address not in self._devices:
                 await self._answer(functools.partial(self._robot._core.open, address))
-                kind = Position2d if interface == "position2d" else Device
-                self._devices[address] = kind(self, self._robot.device(address))
+                proxy = self._robot.device(address)
+                if isinstance(proxy, regista.Position2d):
+                    self._devices[address] = Position2d(self, proxy)
+                else:
+                    self._devices[address] = Device(self, proxy)
         return self._devices[address]
 
     async def devices(self) -> list[DeviceInfo]:
@@ -416,11 +420,7 @@ class Position2d(Device[regista.Position2d]):
             left = until - self.robot._loop.time()
             if left <= 0:
                 await self.stop()
-                host, port = self.proxy.robot.host, self.proxy.robot.port
-                reason = f"not there after {timeout:g} s"
-                raise TimeoutError(
-                    f"{self.address} at {host}:{port}: drive: {reason}", host, port, self.address, "drive", reason
-                )
+                raise not_there(self.proxy, timeout)
             await self.robot.read(left)
 
     async def geometry(self) -> position2d.Geometry:
