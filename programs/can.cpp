@@ -99,7 +99,8 @@ class Session {
     return finish([&](const SdoDone& done) { return master_.upload(node, object, done, Clock::now(), transfer); });
   }
   void write(NodeId node, ObjectIndex object, const Bytes& data, SdoTransfer transfer) {
-    (void)finish([&](const SdoDone& done) { return master_.download(node, object, data, done, Clock::now(), transfer); });
+    (void)finish(
+        [&](const SdoDone& done) { return master_.download(node, object, data, done, Clock::now(), transfer); });
   }
 
  private:
@@ -108,13 +109,20 @@ class Session {
     return *std::move(bus);
   }
   Master::Events make_events() {
-    return {.node = [this](NodeId node, NodeMonitor::Event event) { if (on_node) on_node(node, event); },
-            .emcy = [this](NodeId node, const Emcy& emcy) { if (on_emcy) on_emcy(node, emcy); },
+    return {.node =
+                [this](NodeId node, NodeMonitor::Event event) {
+                  if (on_node) on_node(node, event);
+                },
+            .emcy =
+                [this](NodeId node, const Emcy& emcy) {
+                  if (on_emcy) on_emcy(node, emcy);
+                },
             .bus = [](BusState state) { std::cerr << "bus: " << to_string(state) << "\n"; }};
   }
   Bytes finish(const std::function<Result<>(SdoDone)>& begin) {
     std::optional<Result<Bytes>> result;
-    if (const Result<> begun = begin([&](Result<Bytes> done) { result = std::move(done); }); !begun) throw begun.error();
+    if (const Result<> begun = begin([&](Result<Bytes> done) { result = std::move(done); }); !begun)
+      throw begun.error();
     if (!run_until([&] { return result.has_value(); }, Duration::max())) throw Error{std::errc::interrupted, ""};
     if (!*result) throw result->error();
     return **result;
@@ -125,12 +133,19 @@ class Session {
   Tap tap_;
 };
 
-const std::map<std::string, DataType> types{
-    {"boolean", DataType::boolean},       {"integer8", DataType::integer8},     {"integer16", DataType::integer16},
-    {"integer32", DataType::integer32},   {"integer64", DataType::integer64},   {"unsigned8", DataType::unsigned8},
-    {"unsigned16", DataType::unsigned16}, {"unsigned32", DataType::unsigned32}, {"unsigned64", DataType::unsigned64},
-    {"real32", DataType::real32},         {"real64", DataType::real64},         {"string", DataType::visible_string},
-    {"hex", DataType::domain}};
+const std::map<std::string, DataType> types{{"boolean", DataType::boolean},
+                                            {"integer8", DataType::integer8},
+                                            {"integer16", DataType::integer16},
+                                            {"integer32", DataType::integer32},
+                                            {"integer64", DataType::integer64},
+                                            {"unsigned8", DataType::unsigned8},
+                                            {"unsigned16", DataType::unsigned16},
+                                            {"unsigned32", DataType::unsigned32},
+                                            {"unsigned64", DataType::unsigned64},
+                                            {"real32", DataType::real32},
+                                            {"real64", DataType::real64},
+                                            {"string", DataType::visible_string},
+                                            {"hex", DataType::domain}};
 
 struct Arguments {
   std::string bus = "can0";
@@ -262,7 +277,8 @@ int scan(const Arguments& a) {
   (void)session.run_until([&] { return open <= 0; }, 60s);
   for (const auto& [node, device] : found) {
     const auto state = session.master().monitor(static_cast<NodeId>(node)).state();
-    const auto profile = device.type ? get_le(ByteView{*device.type}.first(std::min<std::size_t>(2, device.type->size()))) : 0;
+    const auto profile =
+        device.type ? get_le(ByteView{*device.type}.first(std::min<std::size_t>(2, device.type->size()))) : 0;
     std::cout << "node " << node << "  profile " << profile << "  '" << device.name << "'";
     if (device.identity) std::cout << "  " << to_string(*device.identity);
     if (state) std::cout << "  " << to_string(*state);
@@ -372,7 +388,9 @@ int watch(const Arguments& a) {
   while (interrupted == 0 && Clock::now() < end) {
     std::string line;
     try {
-      const auto object = [&](std::uint16_t index) { return get_le(session.read(node_of(a), {index, 0}, SdoTransfer::standard)); };
+      const auto object = [&](std::uint16_t index) {
+        return get_le(session.read(node_of(a), {index, 0}, SdoTransfer::standard));
+      };
       const std::uint64_t statusword = object(0x6041);
       const std::uint64_t speed = object(0x606C);
       line = "0x" + hex(statusword, 4) + " " + drive_state(statusword) + ", " +
@@ -437,7 +455,8 @@ int device(const Arguments& a) {
   Slave* self = nullptr;
   std::optional<Emcy> raised;
   const auto written = [&](ObjectIndex object, ByteView data) -> std::optional<SdoAbort> {
-    std::cout << "written " << to_string(object) << " = " << format(self->dictionary().find(object)->type, data) << std::endl;
+    std::cout << "written " << to_string(object) << " = " << format(self->dictionary().find(object)->type, data)
+              << std::endl;
     if (object == ObjectIndex{0x2002, 0}) {
       const auto code = static_cast<std::uint16_t>(get_le(data));
       raised = Emcy{code, static_cast<std::uint8_t>(code == 0 ? 0 : 1), {}};
@@ -502,7 +521,9 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", REGISTA_VERSION);
   app.add_option("-b,--bus", a.bus, "A CAN interface, or socketcand://HOST[:PORT]/BUS")->capture_default_str();
   double timeout_s = 0.5;
-  app.add_option("--timeout", timeout_s, "Of an answer, in seconds")->capture_default_str()->check(CLI::Range(0.001, 60.0));
+  app.add_option("--timeout", timeout_s, "Of an answer, in seconds")
+      ->capture_default_str()
+      ->check(CLI::Range(0.001, 60.0));
   const auto with_node = [&](CLI::App* command, int most = last_node) {
     command->add_option("NODE", a.node, "1 to 127")->required()->check(CLI::Range(1, most));
   };
@@ -555,7 +576,7 @@ int run(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   a.timeout = from_seconds(timeout_s);
 
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = [](int) { interrupted = 1; };
   for (const int signal : {SIGINT, SIGTERM}) (void)sigaction(signal, &action, nullptr);
   try {

@@ -308,7 +308,8 @@ void Master::step(const std::shared_ptr<Configuration>& job) {
     return std::ranges::any_of(job->writes.begin() + static_cast<std::ptrdiff_t>(i) + 1, job->writes.end(),
                                [&](const SdoWrite& later) { return later.object == job->writes[i].object; });
   };
-  while (job->at < job->writes.size() && job->verifying && (!job->writes[job->at].verify || superseded(job->at))) ++job->at;
+  while (job->at < job->writes.size() && job->verifying && (!job->writes[job->at].verify || superseded(job->at)))
+    ++job->at;
   if (job->at == job->writes.size()) {
     if (std::exchange(job->verifying, true)) return finish({});
     job->at = 0;

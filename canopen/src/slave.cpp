@@ -13,7 +13,9 @@ constexpr std::uint32_t no_remote = 0x40000000;
 constexpr std::size_t most_waiting = 64;
 constexpr Duration retry = microseconds{500};
 
-bool is_mapping(std::uint16_t index) { return (0x1600 <= index && index < 0x1800) || (0x1A00 <= index && index < 0x1C00); }
+bool is_mapping(std::uint16_t index) {
+  return (0x1600 <= index && index < 0x1800) || (0x1A00 <= index && index < 0x1C00);
+}
 bool is_pdo(std::uint16_t index) { return 0x1400 <= index && index < 0x1C00; }
 
 Identity identity_of(const ObjectDictionary& dictionary) {
@@ -53,7 +55,8 @@ void Slave::set(ObjectIndex object, std::uint64_t value) {
   const auto found = dictionary_.objects.find(object);
   if (found == dictionary_.objects.end()) return;
   Bytes& bytes = found->second.value;
-  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = i < 8 ? static_cast<std::uint8_t>(value >> (8 * i)) : std::uint8_t{0};
+  for (std::size_t i = 0; i < bytes.size(); ++i)
+    bytes[i] = i < 8 ? static_cast<std::uint8_t>(value >> (8 * i)) : std::uint8_t{0};
 }
 
 void Slave::set_bytes(ObjectIndex object, ByteView bytes) {
@@ -218,9 +221,9 @@ void Slave::load_pdos(Time now) {
 void Slave::emergency(const Emcy& emcy, Time now) {
   set({0x1001, 0}, emcy.code == 0 ? 0 : emcy.error_register);
   if (emcy.code != 0) {
-    const auto last = static_cast<std::uint8_t>(std::count_if(
-        dictionary_.objects.begin(), dictionary_.objects.end(),
-        [](const auto& object) { return object.first.index == 0x1003 && object.first.sub > 0; }));
+    const auto last = static_cast<std::uint8_t>(
+        std::count_if(dictionary_.objects.begin(), dictionary_.objects.end(),
+                      [](const auto& object) { return object.first.index == 0x1003 && object.first.sub > 0; }));
     for (std::uint8_t sub = last; sub > 1; --sub) set({0x1003, sub}, get({0x1003, static_cast<std::uint8_t>(sub - 1)}));
     set({0x1003, 1}, emcy.code);
     set({0x1003, 0}, std::min<std::uint64_t>(get({0x1003, 0}) + 1, last));
@@ -301,7 +304,8 @@ void Slave::apply(Pdo& pdo) {
     if (objects[i].object.index < 0x20) continue;
     const std::uint64_t value = pdo.mapping.get(pdo.bytes, i);
     const ObjectEntry* entry = dictionary_.find(objects[i].object);
-    if (entry != nullptr && entry->value.size() <= 8) (void)change(objects[i].object, le_bytes(value, entry->value.size()));
+    if (entry != nullptr && entry->value.size() <= 8)
+      (void)change(objects[i].object, le_bytes(value, entry->value.size()));
   }
 }
 

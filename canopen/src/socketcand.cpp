@@ -15,7 +15,7 @@
 namespace regista::canopen {
 namespace {
 
-constexpr std::size_t most_out = 4096;   // bytes that wait for the network
+constexpr std::size_t most_out = 4096;  // bytes that wait for the network
 constexpr std::size_t most_message = 4096;
 
 Error last_error(const std::string& what) { return {std::error_code{errno, std::generic_category()}, what}; }

@@ -90,7 +90,7 @@ class SdoClient {
   NodeId server_;
   Options options_;
   State state_ = State::idle;
-  State next_state_ = State::idle;       ///< when the channel has settled
+  State next_state_ = State::idle;        ///< when the channel has settled
   std::optional<ObjectIndex> answer_to_;  ///< settling: the late answer that would end it
   Time quiet_until_ = Time::min();
   Time deadline_ = Time::max();
