@@ -56,7 +56,8 @@ class Reader {
       if (commissioning == nullptr) continue;
       if (const Value* id = find(*commissioning, "nodeid")) {
         const auto number = integer(*id);
-        if (number < first_node || number > last_node) fail(id->line, "NodeID " + id->text + " is not from 1 to 127");
+        if (number < int{first_node} || number > int{last_node})
+          fail(id->line, "NodeID " + id->text + " is not from 1 to 127");
         dictionary.node = static_cast<NodeId>(number);
         if (!node_) node_ = dictionary.node;
       }

@@ -127,7 +127,7 @@ void LssMaster::ask(Time now) {
 }
 
 void LssMaster::scan_step(bool answered, Time now) {
-  if (bit_ == scan_begin) {
+  if (bit_ == int{scan_begin}) {
     if (!answered) return finish(std::uint32_t{});
     bit_ = 31;
   } else if (bit_ >= 0) {

@@ -16,7 +16,7 @@ Master::Master(CanBus& bus, const Options& options, Events events)
   if (options.id < first_node || options.id > last_node) {
     throw std::invalid_argument{"CANopen master: node id " + std::to_string(options.id) + " is not from 1 to 127"};
   }
-  for (int node = 0; node <= last_node; ++node) {
+  for (int node = 0; node <= int{last_node}; ++node) {
     nodes_.push_back({.monitor = NodeMonitor{static_cast<NodeId>(node), {.heartbeat_timeout = Duration::zero()}}});
   }
 }

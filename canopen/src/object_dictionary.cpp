@@ -186,8 +186,9 @@ Result<ObjectIndex> ObjectDictionary::parse(std::string_view text) const {
   if (digits.starts_with("0x") || digits.starts_with("0X")) digits.remove_prefix(2);
   const std::size_t colon = std::min(digits.find(':'), digits.size());
   ObjectIndex object;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + colon, object.index, 16);
-  if (error == std::errc{} && end == digits.data() + colon && colon == 4) {
+  const std::string_view index = digits.substr(0, colon);
+  const auto [end, error] = std::from_chars(index.data(), index.data() + index.size(), object.index, 16);
+  if (error == std::errc{} && end == index.data() + index.size() && index.size() == 4) {
     if (colon == digits.size()) return object;
     std::string_view sub = digits.substr(colon + 1);
     if (sub.starts_with("0x")) sub.remove_prefix(2);

@@ -329,7 +329,7 @@ void SdoClient::on_block_answer(const CanFrame& frame, Time now) {
   // An answer before the block is complete: the node missed a segment and does not wait for the rest.
   if (kind != 2) return abort(SdoAbort::unknown_command, now);
   const std::uint8_t good = frame.data[1];
-  const int sent = sequence_ - (out_ ? 1 : 0);
+  const auto sent = static_cast<std::uint8_t>(sequence_ - (out_ ? 1 : 0));
   if (good > sent) return abort(SdoAbort::sequence_number, now);
   block_size_ = frame.data[2];
   if (!is_block_size(block_size_)) return abort(SdoAbort::block_size, now);

@@ -95,9 +95,8 @@ std::optional<SdoAbort> Slave::change(ObjectIndex object, ByteView data) {
   if (entry.low && number_of(entry, data) < *entry.low) return SdoAbort::value_too_low;
   if (entry.high && number_of(entry, data) > *entry.high) return SdoAbort::value_too_high;
   if (const auto refused = check_mapping(object, data)) return refused;
-  if (object == ObjectIndex{0x1003, 0}) {  // CiA 301, 7.5.2.6: only 0, which erases the history
-    if (data[0] != 0) return SdoAbort::value;
-  }
+  // CiA 301, 7.5.2.6: only 0, which erases the history.
+  if (object == ObjectIndex{0x1003, 0} && data[0] != 0) return SdoAbort::value;
   Bytes before(data.begin(), data.end());
   before.swap(entry.value);
   if (events_.written) {
@@ -176,7 +175,7 @@ void Slave::enter(NmtState state, Time now) {
 
 void Slave::load_consumers() {
   consumers_.clear();
-  for (int sub = 1; sub <= static_cast<int>(get({0x1016, 0})); ++sub) {
+  for (std::uint64_t sub = 1; sub <= std::min<std::uint64_t>(get({0x1016, 0}), 0x7F); ++sub) {
     const std::uint64_t value = get({0x1016, static_cast<std::uint8_t>(sub)});
     const auto node = static_cast<NodeId>(value >> 16 & 0x7FU);
     const milliseconds time{value & 0xFFFFU};
@@ -198,8 +197,9 @@ void Slave::load_pdos(Time now) {
       if ((cob_id & off) != 0) continue;
       std::vector<MappedObject> mapped;
       unsigned bits = 0;
-      for (std::uint8_t sub = 1; sub <= get({mapping, 0}); ++sub) {
-        const auto object = MappedObject::from_code(static_cast<std::uint32_t>(get({mapping, sub})));
+      for (std::uint64_t sub = 1; sub <= std::min<std::uint64_t>(get({mapping, 0}), 64); ++sub) {
+        const std::uint64_t code = get({mapping, static_cast<std::uint8_t>(sub)});
+        const auto object = MappedObject::from_code(static_cast<std::uint32_t>(code));
         bits += object.bits;
         if (object.bits == 0 || bits > 64) break;
         mapped.push_back(object);

@@ -113,7 +113,7 @@ Result<std::optional<ReceivedFrame>> SocketCan::receive() {
     if (errno == EAGAIN || errno == EINTR) return std::optional<ReceivedFrame>{};
     return last_error(interface_);
   }
-  if (size != static_cast<ssize_t>(sizeof raw)) return Error{std::errc::bad_message, interface_};
+  if (static_cast<std::size_t>(size) != sizeof raw) return Error{std::errc::bad_message, interface_};
   ReceivedFrame received{from_kernel(raw), Clock::now()};
   for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
     if (part->cmsg_level != SOL_SOCKET) continue;

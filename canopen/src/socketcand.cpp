@@ -46,7 +46,7 @@ std::string socketcand_send(const CanFrame& frame) {
   // Eight digits mean 29 bits (doc/protocol.md); bytes are unpadded.
   std::string text = "< send " + hex(frame.id, frame.extended ? 8 : 3) + " " + std::to_string(frame.size);
   for (const std::uint8_t byte : frame.bytes()) {
-    text += " ";
+    text += ' ';
     if (byte >= 0x10) text += hex(byte >> 4U, 1);
     text += hex(byte & 0xFU, 1);
   }

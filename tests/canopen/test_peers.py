@@ -28,7 +28,7 @@ LIMIT = 60  # [s], of anything that a test waits for
 
 @contextlib.contextmanager
 def running(*command):
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         yield process
     finally:
@@ -40,7 +40,7 @@ def wait_for_line(process, wanted):
     for line in process.stdout:
         if wanted in line:
             return line
-    raise AssertionError(f"it ended before it said '{wanted}'")
+    raise AssertionError(f"it ended before it said '{wanted}': {process.stderr.read()}")
 
 
 class Bus:
@@ -145,7 +145,7 @@ def test_watch_follows_the_state_machine_and_emergencies(bus, drive):
 
 def test_nmt_and_dump_in_words(bus, drive):
     with bus.start("dump", "--words") as dump:
-        time.sleep(0.5)  # until it listens; nothing says so
+        assert "listening" in dump.stderr.readline()
         bus.run("nmt", "start", 5)
         line = wait_for_line(dump, "NMT start node 5")
         assert re.match(r"\(\d+\.\d{6}\) \S+ 000#0105  NMT start node 5$", line)
