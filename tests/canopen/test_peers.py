@@ -293,15 +293,13 @@ def test_our_device_gets_a_node_id_by_lss(bus):
             found, identity = network.lss.fast_scan()
             assert found
             assert identity == [0xF4, 0x402, 0x10001, 0x12345678]
+            assert network.lss.inquire_node_id() == 255
             network.lss.configure_node_id(33)
             assert network.lss.inquire_lss_address(0x5D) == 0x12345678
             network.lss.send_switch_state_global(network.lss.WAITING_STATE)
             wait_for_line(device, "pre-operational")
             node = network.add_node(33, str(EDS))
             assert node.sdo["Device type"].raw == 0x20192
-            network.lss.send_switch_state_global(network.lss.CONFIGURATION_STATE)
-            assert network.lss.inquire_node_id() == 33
-            network.lss.send_switch_state_global(network.lss.WAITING_STATE)
     finally:
         network.disconnect()
 
