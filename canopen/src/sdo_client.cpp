@@ -139,7 +139,11 @@ void SdoClient::abort(SdoAbort code, Time now) { give_up(code, error(code, ": we
 
 void SdoClient::cancel(const Error& why, Time now) {
   if (!busy()) return;
-  give_up(SdoAbort::general, error(why.code, why.what.empty() ? "" : ": " + why.what), now);
+  Error what = error(why.code, why.what.empty() ? "" : ": " + why.what);
+  quiet_until_ = now + options_.settle;
+  answer_to_.reset();
+  last_word_.reset();
+  finish(std::move(what));
 }
 
 void SdoClient::on_time(Time now) {

@@ -456,6 +456,39 @@ TEST_F(MasterAndDrives, guard_a_node) {
   EXPECT_TRUE(master.monitor(5).lost());
 }
 
+TEST(MasterDay, passes_without_drift) {
+  Bench bench{125'000};
+  VirtualBus::Port& port = bench.bus.attach();
+  std::vector<NodeMonitor::Event> events;
+  Master master{port,
+                {.heartbeat = 500ms, .bit_rate = 125'000, .sync = {.period = 1s, .counter_overflow = 240}},
+                {.node = [&](NodeId, NodeMonitor::Event event) { events.push_back(event); }, .emcy = {}, .bus = {}}};
+  bench.join(port, master);
+  Drive drive{bench, 5};
+  std::uint64_t syncs = 0;
+  struct Count final : Station {
+    std::uint64_t& count;
+    explicit Count(std::uint64_t& n) : count{n} {}
+    void on_frame(const CanFrame& frame, Time /*now*/) override { count += frame.id == 0x080 ? 1 : 0; }
+    void on_time(Time /*now*/) override {}
+    [[nodiscard]] Time next_wake() const override { return Time::max(); }
+  } count{syncs};
+  bench.join(bench.bus.attach(), count);
+  master.watch(5, {.heartbeat_timeout = 1s});
+  int good = 0;
+  ASSERT_TRUE(master.configure(
+      5, heartbeat_writes(127, 400ms, 1500ms), [&](const Result<>& r) { good += r ? 1 : 0; }, bench.now));
+  for (int minute = 0; minute < 24 * 60; ++minute) {
+    ASSERT_TRUE(master.upload(5, {0x1008, 0}, [&](const Result<Bytes>& r) { good += r ? 1 : 0; }, bench.now));
+    bench.run(60s);
+  }
+  EXPECT_EQ(good, 24 * 60 + 1);
+  EXPECT_NEAR(static_cast<double>(syncs), 86'400, 1);
+  EXPECT_EQ(master.sync().missed(), 0U);
+  EXPECT_EQ(events, (std::vector{NodeMonitor::Event::boot_up})) << "and never lost";
+  EXPECT_TRUE(drive.silent.empty());
+}
+
 TEST(MasterDiagnosis, knows_the_load_of_the_bus) {
   Bench bench{125'000};
   VirtualBus::Port& port = bench.bus.attach();

@@ -34,7 +34,7 @@ class SdoClient {
   /// Read or write one object. Only when not busy. `done` may start the next transfer.
   void upload(ObjectIndex object, SdoTransfer transfer, SdoDone done, Time now);
   void download(ObjectIndex object, Bytes data, SdoTransfer transfer, SdoDone done, Time now);
-  /// Breaks the transfer off, with an abort frame to the node.
+  /// Breaks the transfer off without telling the node: for when there is no bus any more.
   void cancel(const Error& why, Time now);
 
   /// Of the node's answers; all other frames are disregarded.
