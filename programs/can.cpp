@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <csignal>
 #include <fstream>
 #include <iostream>
@@ -35,6 +36,12 @@ The interface is set up by the system: ip link set can0 up type can bitrate 5000
 
 volatile std::sig_atomic_t interrupted = 0;
 
+/// Ends a command.
+struct Failure : std::runtime_error {
+  explicit Failure(const Error& error) : std::runtime_error{error.message()}, code{error.code} {}
+  std::error_code code;
+};
+
 Result<std::unique_ptr<CanBus>> open_bus(const std::string& name) {
   constexpr std::string_view scheme = "socketcand://";
   if (!name.starts_with(scheme)) {
@@ -48,7 +55,10 @@ Result<std::unique_ptr<CanBus>> open_bus(const std::string& name) {
   if (slash == std::string::npos) return Error{std::errc::invalid_argument, name + ": no /BUS at the end"};
   const std::string host = rest.substr(0, std::min(colon, slash));
   int port = 29536;
-  if (colon != std::string::npos) port = std::atoi(rest.substr(colon + 1, slash - colon - 1).c_str());
+  if (colon != std::string::npos) {
+    const auto [end, error] = std::from_chars(&rest[colon + 1], &rest[slash], port);
+    if (error != std::errc{} || end != &rest[slash]) port = 0;
+  }
   if (port < 1 || port > 65535) return Error{std::errc::invalid_argument, name + ": no port"};
   auto can = SocketCand::open(host, static_cast<std::uint16_t>(port), rest.substr(slash + 1), 3s);
   if (!can) return can.error();
@@ -90,7 +100,8 @@ class Session {
     master_.on_time(Clock::now());
     while (!done()) {
       if (interrupted != 0 || Clock::now() >= end) return false;
-      if (const Result<> served = pump.wait(std::min(end, Clock::now() + 200ms)); !served) throw served.error();
+      if (const Result<> served = pump.wait(std::min(end, Clock::now() + 200ms)); !served)
+        throw Failure{served.error()};
     }
     return true;
   }
@@ -99,24 +110,33 @@ class Session {
     return finish([&](const SdoDone& done) { return master_.upload(node, object, done, Clock::now(), transfer); });
   }
   void write(NodeId node, ObjectIndex object, const Bytes& data, SdoTransfer transfer) {
-    (void)finish([&](const SdoDone& done) { return master_.download(node, object, data, done, Clock::now(), transfer); });
+    (void)finish(
+        [&](const SdoDone& done) { return master_.download(node, object, data, done, Clock::now(), transfer); });
   }
 
  private:
   static std::unique_ptr<CanBus> required(Result<std::unique_ptr<CanBus>> bus) {
-    if (!bus) throw bus.error();
+    if (!bus) throw Failure{bus.error()};
     return *std::move(bus);
   }
   Master::Events make_events() {
-    return {.node = [this](NodeId node, NodeMonitor::Event event) { if (on_node) on_node(node, event); },
-            .emcy = [this](NodeId node, const Emcy& emcy) { if (on_emcy) on_emcy(node, emcy); },
+    return {.node =
+                [this](NodeId node, NodeMonitor::Event event) {
+                  if (on_node) on_node(node, event);
+                },
+            .emcy =
+                [this](NodeId node, const Emcy& emcy) {
+                  if (on_emcy) on_emcy(node, emcy);
+                },
             .bus = [](BusState state) { std::cerr << "bus: " << to_string(state) << "\n"; }};
   }
   Bytes finish(const std::function<Result<>(SdoDone)>& begin) {
     std::optional<Result<Bytes>> result;
-    if (const Result<> begun = begin([&](Result<Bytes> done) { result = std::move(done); }); !begun) throw begun.error();
-    if (!run_until([&] { return result.has_value(); }, Duration::max())) throw Error{std::errc::interrupted, ""};
-    if (!*result) throw result->error();
+    if (const Result<> begun = begin([&](Result<Bytes> done) { result = std::move(done); }); !begun)
+      throw Failure{begun.error()};
+    if (!run_until([&] { return result.has_value(); }, Duration::max()))
+      throw Failure{Error{std::errc::interrupted, ""}};
+    if (!*result) throw Failure{result->error()};
     return **result;
   }
 
@@ -125,12 +145,19 @@ class Session {
   Tap tap_;
 };
 
-const std::map<std::string, DataType> types{
-    {"boolean", DataType::boolean},       {"integer8", DataType::integer8},     {"integer16", DataType::integer16},
-    {"integer32", DataType::integer32},   {"integer64", DataType::integer64},   {"unsigned8", DataType::unsigned8},
-    {"unsigned16", DataType::unsigned16}, {"unsigned32", DataType::unsigned32}, {"unsigned64", DataType::unsigned64},
-    {"real32", DataType::real32},         {"real64", DataType::real64},         {"string", DataType::visible_string},
-    {"hex", DataType::domain}};
+const std::map<std::string, DataType> types{{"boolean", DataType::boolean},
+                                            {"integer8", DataType::integer8},
+                                            {"integer16", DataType::integer16},
+                                            {"integer32", DataType::integer32},
+                                            {"integer64", DataType::integer64},
+                                            {"unsigned8", DataType::unsigned8},
+                                            {"unsigned16", DataType::unsigned16},
+                                            {"unsigned32", DataType::unsigned32},
+                                            {"unsigned64", DataType::unsigned64},
+                                            {"real32", DataType::real32},
+                                            {"real64", DataType::real64},
+                                            {"string", DataType::visible_string},
+                                            {"hex", DataType::domain}};
 
 struct Arguments {
   std::string bus = "can0";
@@ -170,7 +197,7 @@ struct Target {
 
 Target target(const Arguments& a, const ObjectDictionary& dictionary, DataType fallback) {
   const auto object = dictionary.parse(a.object);
-  if (!object) throw object.error();
+  if (!object) throw Failure{object.error()};
   const ObjectEntry* entry = dictionary.find(*object);
   DataType type = entry != nullptr ? entry->type : fallback;
   if (!a.type.empty()) type = types.at(a.type);
@@ -196,7 +223,7 @@ int read(const Arguments& a) {
   }
   std::ofstream file{a.file, std::ios::binary};
   std::ranges::copy(bytes, std::ostreambuf_iterator<char>{file});
-  if (!file.flush()) throw Error{std::errc::io_error, "write " + a.file};
+  if (!file.flush()) throw Failure{Error{std::errc::io_error, "write " + a.file}};
   return 0;
 }
 
@@ -206,12 +233,12 @@ int write(const Arguments& a) {
   Bytes bytes;
   if (!a.file.empty()) {
     std::ifstream file{a.file, std::ios::binary};
-    if (!file) throw Error{std::errc::no_such_file_or_directory, a.file};
+    if (!file) throw Failure{Error{std::errc::no_such_file_or_directory, a.file}};
     bytes.assign(std::istreambuf_iterator<char>{file}, {});
   } else if (const auto encoded = encode(to.type, a.value)) {
     bytes = *encoded;
   } else {
-    throw encoded.error();
+    throw Failure{encoded.error()};
   }
   Session session{a.bus, options(a)};
   const Time begin = Clock::now();
@@ -230,7 +257,8 @@ int scan(const Arguments& a) {
   };
   std::map<int, Found> found;
   int open = 0;
-  for (NodeId node = first_node; node <= a.last; ++node) {
+  for (int id = first_node; id <= a.last; ++id) {
+    const auto node = static_cast<NodeId>(id);
     ++open;
     const Result<> begun = session.master().upload(
         node, {0x1000, 0},
@@ -257,12 +285,13 @@ int scan(const Arguments& a) {
           if (!named || !identified) open = 0;
         },
         Clock::now());
-    if (!begun) throw begun.error();
+    if (!begun) throw Failure{begun.error()};
   }
   (void)session.run_until([&] { return open <= 0; }, 60s);
   for (const auto& [node, device] : found) {
     const auto state = session.master().monitor(static_cast<NodeId>(node)).state();
-    const auto profile = device.type ? get_le(ByteView{*device.type}.first(std::min<std::size_t>(2, device.type->size()))) : 0;
+    const auto profile =
+        device.type ? get_le(ByteView{*device.type}.first(std::min<std::size_t>(2, device.type->size()))) : 0;
     std::cout << "node " << node << "  profile " << profile << "  '" << device.name << "'";
     if (device.identity) std::cout << "  " << to_string(*device.identity);
     if (state) std::cout << "  " << to_string(*state);
@@ -277,7 +306,7 @@ int scan(const Arguments& a) {
 
 int dump(const Arguments& a) {
   auto bus = open_bus(a.bus);
-  if (!bus) throw bus.error();
+  if (!bus) throw Failure{bus.error()};
   Tap tap;
   std::uint64_t seen = 0;
   const std::string interface = a.bus.substr(a.bus.rfind('/') + 1);
@@ -285,13 +314,14 @@ int dump(const Arguments& a) {
     const double now_s = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
     std::cout << to_string(LogEntry{now_s, interface, frame});
     if (a.words) std::cout << "  " << describe(frame);
-    std::cout << std::endl;  // at once: it is watched, or read by another program
+    std::cout << "\n" << std::flush;  // at once: it is watched, or read by another program
     ++seen;
   };
   Pump pump{**bus, tap};
+  std::cerr << "listening on " << a.bus << "\n" << std::flush;
   const Time end = a.seconds > 0 ? Clock::now() + from_seconds(a.seconds) : Time::max();
   while (interrupted == 0 && (a.count == 0 || seen < a.count) && Clock::now() < end) {
-    if (const Result<> served = pump.wait(std::min(end, Clock::now() + 200ms)); !served) throw served.error();
+    if (const Result<> served = pump.wait(std::min(end, Clock::now() + 200ms)); !served) throw Failure{served.error()};
   }
   return 0;
 }
@@ -320,7 +350,7 @@ const std::map<std::string, NmtCommand> nmt_commands{{"start", NmtCommand::start
 int nmt(const Arguments& a) {
   Session session{a.bus, options(a)};
   if (const Result<> sent = session.master().command(nmt_commands.at(a.nmt), node_of(a), Clock::now()); !sent) {
-    throw sent.error();
+    throw Failure{sent.error()};
   }
   (void)session.run_until([&] { return session.master().statistics().sent > 0; }, 1s);
   return 0;
@@ -359,29 +389,31 @@ int watch(const Arguments& a) {
   Session session{a.bus, options(a)};
   std::string last;
   session.on_emcy = [&](NodeId node, const Emcy& emcy) {
-    if (node == node_of(a)) std::cout << to_string(emcy) << std::endl;
+    if (node == node_of(a)) std::cout << to_string(emcy) << "\n" << std::flush;
   };
   session.on_node = [&](NodeId node, NodeMonitor::Event event) {
     if (node != node_of(a)) return;
-    if (event == NodeMonitor::Event::boot_up) std::cout << "boot-up" << std::endl;
+    if (event == NodeMonitor::Event::boot_up) std::cout << "boot-up" << "\n" << std::flush;
     if (event == NodeMonitor::Event::state_changed) {
-      std::cout << "NMT " << to_string(*session.master().monitor(node).state()) << std::endl;
+      std::cout << "NMT " << to_string(*session.master().monitor(node).state()) << "\n" << std::flush;
     }
   };
   const Time end = a.seconds > 0 ? Clock::now() + from_seconds(a.seconds) : Time::max();
   while (interrupted == 0 && Clock::now() < end) {
     std::string line;
     try {
-      const auto object = [&](std::uint16_t index) { return get_le(session.read(node_of(a), {index, 0}, SdoTransfer::standard)); };
+      const auto object = [&](std::uint16_t index) {
+        return get_le(session.read(node_of(a), {index, 0}, SdoTransfer::standard));
+      };
       const std::uint64_t statusword = object(0x6041);
       const std::uint64_t speed = object(0x606C);
       line = "0x" + hex(statusword, 4) + " " + drive_state(statusword) + ", " +
              std::to_string(static_cast<std::int32_t>(speed)) + " of velocity units, error 0x" + hex(object(0x603F), 4);
-    } catch (const Error& error) {
-      if (error.code == std::errc::interrupted) break;
-      line = error.message();
+    } catch (const Failure& failure) {
+      if (failure.code == std::errc::interrupted) break;
+      line = failure.what();
     }
-    if (line != last) std::cout << line << std::endl;
+    if (line != last) std::cout << line << "\n" << std::flush;
     last = line;
     (void)session.run_until([] { return false; }, 100ms);
   }
@@ -403,8 +435,8 @@ int lss(const Arguments& a) {
         },
         Clock::now());
   }
-  if (!session.run_until([&] { return found.has_value(); }, 60s)) throw Error{std::errc::timed_out, "LSS"};
-  if (!*found) throw found->error();
+  if (!session.run_until([&] { return found.has_value(); }, 60s)) throw Failure{Error{std::errc::timed_out, "LSS"}};
+  if (!*found) throw Failure{found->error()};
   if (!**found) {
     std::cerr << "no node without a node id answers\n";
     return 1;
@@ -413,7 +445,7 @@ int lss(const Arguments& a) {
   const auto run = [&](auto&& begin) {
     std::optional<Result<>> done;
     begin([&](const Result<>& result) { done = result; });
-    if (!session.run_until([&] { return done.has_value(); }, 5s)) throw Error{std::errc::timed_out, "LSS"};
+    if (!session.run_until([&] { return done.has_value(); }, 5s)) throw Failure{Error{std::errc::timed_out, "LSS"}};
     return *done;
   };
   std::optional<Error> failed;
@@ -426,18 +458,19 @@ int lss(const Arguments& a) {
     }
   }
   (void)run([&](auto done) { master.switch_all(false, done, Clock::now()); });
-  if (failed) throw *failed;
+  if (failed) throw Failure{*failed};
   return 0;
 }
 
 /// Plays the device that an EDS describes, until Ctrl-C. An 0x2002 that is written raises that emergency.
 int device(const Arguments& a) {
   auto bus = open_bus(a.bus);
-  if (!bus) throw bus.error();
+  if (!bus) throw Failure{bus.error()};
   Slave* self = nullptr;
   std::optional<Emcy> raised;
   const auto written = [&](ObjectIndex object, ByteView data) -> std::optional<SdoAbort> {
-    std::cout << "written " << to_string(object) << " = " << format(self->dictionary().find(object)->type, data) << std::endl;
+    std::cout << "written " << to_string(object) << " = " << format(self->dictionary().find(object)->type, data) << "\n"
+              << std::flush;
     if (object == ObjectIndex{0x2002, 0}) {
       const auto code = static_cast<std::uint16_t>(get_le(data));
       raised = Emcy{code, static_cast<std::uint8_t>(code == 0 ? 0 : 1), {}};
@@ -446,17 +479,19 @@ int device(const Arguments& a) {
   };
   Slave slave{**bus,
               node_of(a),
-              load_eds(a.eds, a.node == lss_unconfigured ? NodeId{1} : node_of(a)),
+              load_eds(a.eds, a.node == int{lss_unconfigured} ? NodeId{1} : node_of(a)),
               {.written = written,
                .reading = {},
-               .state = [](NmtState state) { std::cout << to_string(state) << std::endl; },
-               .silent = [](std::uint16_t code) { std::cout << emcy_text(code) << std::endl; }},
+               .state = [](NmtState state) { std::cout << to_string(state) << "\n"
+                                                       << std::flush; },
+               .silent = [](std::uint16_t code) { std::cout << emcy_text(code) << "\n"
+                                                            << std::flush; }},
               {}};
   self = &slave;
   Pump pump{**bus, slave};
-  std::cout << "ready" << std::endl;
+  std::cout << "ready" << "\n" << std::flush;
   while (interrupted == 0) {
-    if (const Result<> served = pump.wait(Clock::now() + 200ms); !served) throw served.error();
+    if (const Result<> served = pump.wait(Clock::now() + 200ms); !served) throw Failure{served.error()};
     if (raised) slave.emergency(*std::exchange(raised, std::nullopt), Clock::now());
   }
   return 0;
@@ -480,16 +515,17 @@ int configure(const Arguments& a) {
     const Bytes bytes = concise_dcf(writes);
     std::ofstream file{a.file, std::ios::binary};
     std::ranges::copy(bytes, std::ostreambuf_iterator<char>{file});
-    if (!file.flush()) throw Error{std::errc::io_error, "write " + a.file};
+    if (!file.flush()) throw Failure{Error{std::errc::io_error, "write " + a.file}};
     return 0;
   }
   Session session{a.bus, options(a)};
   std::optional<Result<>> result;
   const Result<> begun =
       session.master().configure(node_of(a), writes, [&](const Result<>& done) { result = done; }, Clock::now());
-  if (!begun) throw begun.error();
-  if (!session.run_until([&] { return result.has_value(); }, Duration::max())) throw Error{std::errc::interrupted, ""};
-  if (!*result) throw result->error();
+  if (!begun) throw Failure{begun.error()};
+  if (!session.run_until([&] { return result.has_value(); }, Duration::max()))
+    throw Failure{Error{std::errc::interrupted, ""}};
+  if (!*result) throw Failure{result->error()};
   std::cout << writes.size() << " objects written and read back\n";
   return 0;
 }
@@ -502,7 +538,9 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", REGISTA_VERSION);
   app.add_option("-b,--bus", a.bus, "A CAN interface, or socketcand://HOST[:PORT]/BUS")->capture_default_str();
   double timeout_s = 0.5;
-  app.add_option("--timeout", timeout_s, "Of an answer, in seconds")->capture_default_str()->check(CLI::Range(0.001, 60.0));
+  app.add_option("--timeout", timeout_s, "Of an answer, in seconds")
+      ->capture_default_str()
+      ->check(CLI::Range(0.001, 60.0));
   const auto with_node = [&](CLI::App* command, int most = last_node) {
     command->add_option("NODE", a.node, "1 to 127")->required()->check(CLI::Range(1, most));
   };
@@ -555,7 +593,7 @@ int run(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   a.timeout = from_seconds(timeout_s);
 
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = [](int) { interrupted = 1; };
   for (const int signal : {SIGINT, SIGTERM}) (void)sigaction(signal, &action, nullptr);
   try {
@@ -570,8 +608,6 @@ int run(int argc, char** argv) {
     if (lss_command->parsed()) return lss(a);
     if (objects_command->parsed()) return list_objects(a);
     return device(a);
-  } catch (const Error& error) {
-    std::cerr << "regista-can: " << error.message() << "\n";
   } catch (const std::exception& error) {
     std::cerr << "regista-can: " << error.what() << "\n";
   }

@@ -33,7 +33,10 @@ std::string describe_sdo(const CanFrame& frame, bool request) {
       case 0:
         return "write segment (or of a block)";
       case 1:
-        return "write" + object + ((command & 2U) != 0 ? " = " + hex_bytes(ByteView{frame.data}.subspan(4, 4U - ((command & 1U) != 0 ? command >> 2 & 3U : 0U))) : " segmented");
+        return "write" + object +
+               ((command & 2U) != 0 ? " = " + hex_bytes(ByteView{frame.data}.subspan(
+                                                  4, 4U - ((command & 1U) != 0 ? command >> 2 & 3U : 0U)))
+                                    : " segmented");
       case 2:
         return "read" + object;
       case 3:
@@ -52,7 +55,10 @@ std::string describe_sdo(const CanFrame& frame, bool request) {
     case 1:
       return "segment written";
     case 2:
-      return "read" + object + ((command & 2U) != 0 ? " = " + hex_bytes(ByteView{frame.data}.subspan(4, 4U - ((command & 1U) != 0 ? command >> 2 & 3U : 0U))) : " segmented");
+      return "read" + object +
+             ((command & 2U) != 0 ? " = " + hex_bytes(ByteView{frame.data}.subspan(
+                                                4, 4U - ((command & 1U) != 0 ? command >> 2 & 3U : 0U)))
+                                  : " segmented");
     case 3:
       return "written" + object;
     case 5:
@@ -87,11 +93,13 @@ Result<LogEntry> parse_log_line(std::string_view line) {
   rest.remove_prefix(close + 2);
   const std::size_t blank = rest.find(' ');
   const std::size_t hash = rest.find('#');
-  if (blank == std::string_view::npos || hash == std::string_view::npos || hash < blank) return invalid(line, "no ID#DATA");
+  if (blank == std::string_view::npos || hash == std::string_view::npos || hash < blank)
+    return invalid(line, "no ID#DATA");
   entry.interface = rest.substr(0, blank);
   const std::string_view id = rest.substr(blank + 1, hash - blank - 1);
   std::string_view data = rest.substr(hash + 1);
-  if (const std::size_t flags = data.find(' '); flags != std::string_view::npos) data = data.substr(0, flags);  // R or T
+  if (const std::size_t flags = data.find(' '); flags != std::string_view::npos)
+    data = data.substr(0, flags);  // R or T
   CanFrame& frame = entry.frame;
   const auto [id_end, id_error] = std::from_chars(id.data(), id.data() + id.size(), frame.id, 16);
   if (id_error != std::errc{} || id_end != id.data() + id.size() || (id.size() != 3 && id.size() != 8)) {
@@ -102,7 +110,8 @@ Result<LogEntry> parse_log_line(std::string_view line) {
   frame.id &= frame.extended || frame.error ? 0x1FFFFFFFU : 0x7FFU;
   if (data.starts_with('R')) {
     frame.remote = true;
-    if (data.size() > 2 || (data.size() == 2 && (data[1] < '0' || data[1] > '8'))) return invalid(line, "no length after R");
+    if (data.size() > 2 || (data.size() == 2 && (data[1] < '0' || data[1] > '8')))
+      return invalid(line, "no length after R");
     frame.size = data.size() == 2 ? static_cast<std::uint8_t>(data[1] - '0') : std::uint8_t{0};
     return entry;
   }
@@ -130,7 +139,8 @@ std::string describe(const CanFrame& frame) {
   const auto node = static_cast<NodeId>(frame.id & 0x7FU);
   const std::string of_node = "node " + std::to_string(node) + " ";
   if (frame.remote) {
-    return (frame.id & 0x780U) == heartbeat_id ? of_node + "asked for its state" : "PDO " + hex(frame.id, 3) + " asked for";
+    return (frame.id & 0x780U) == heartbeat_id ? of_node + "asked for its state"
+                                               : "PDO " + hex(frame.id, 3) + " asked for";
   }
   if (frame.id == nmt_id && frame.size == 2) {
     return "NMT " + to_string(static_cast<NmtCommand>(frame.data[0])) +
@@ -158,7 +168,8 @@ std::string describe(const CanFrame& frame) {
     case 0x600:
       return of_node + "SDO " + (frame.size == 8 ? describe_sdo(frame, true) : "broken request");
     case heartbeat_id:
-      return frame.size == 1 ? of_node + to_string(static_cast<NmtState>(frame.data[0] & 0x7FU)) : of_node + "broken heartbeat";
+      return frame.size == 1 ? of_node + to_string(static_cast<NmtState>(frame.data[0] & 0x7FU))
+                             : of_node + "broken heartbeat";
     default:
       return "PDO " + hex(frame.id, 3) + " " + hex_bytes(frame.bytes());
   }

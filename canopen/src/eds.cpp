@@ -56,7 +56,8 @@ class Reader {
       if (commissioning == nullptr) continue;
       if (const Value* id = find(*commissioning, "nodeid")) {
         const auto number = integer(*id);
-        if (number < first_node || number > last_node) fail(id->line, "NodeID " + id->text + " is not from 1 to 127");
+        if (number < int{first_node} || number > int{last_node})
+          fail(id->line, "NodeID " + id->text + " is not from 1 to 127");
         dictionary.node = static_cast<NodeId>(number);
         if (!node_) node_ = dictionary.node;
       }
@@ -91,13 +92,15 @@ class Reader {
         const std::string_view name = stripped(content.substr(1, close - 1));
         const auto [at, is_new] = sections_.try_emplace(lower(name), Section{std::string{name}, line, {}});
         if (!is_new) {
-          fail(line, "section [" + std::string{name} + "] is there twice, first in line " + std::to_string(at->second.line));
+          fail(line,
+               "section [" + std::string{name} + "] is there twice, first in line " + std::to_string(at->second.line));
         }
         current = &at->second;
         continue;
       }
       const std::size_t equals = content.find('=');
-      if (equals == std::string_view::npos) fail(line, "neither [section] nor key=value: '" + std::string{content} + "'");
+      if (equals == std::string_view::npos)
+        fail(line, "neither [section] nor key=value: '" + std::string{content} + "'");
       if (current == nullptr) fail(line, "a key before the first [section]");
       std::string_view value = content.substr(equals + 1);
       value = stripped(value.substr(0, std::min(value.find(" ;"), value.find("\t;"))));
@@ -169,8 +172,8 @@ class Reader {
     const Value* value = find(section, "datatype");
     if (value == nullptr) fail(section.line, "[" + section.name + "] has no DataType");
     const std::int64_t number = integer(*value);
-    const bool known = (0x01 <= number && number <= 0x0D) || number == 0x0F ||
-                       (0x10 <= number && number <= 0x16) || (0x18 <= number && number <= 0x1B);
+    const bool known = (0x01 <= number && number <= 0x0D) || number == 0x0F || (0x10 <= number && number <= 0x16) ||
+                       (0x18 <= number && number <= 0x1B);
     if (!known) fail(value->line, "no DataType of CiA 301: " + value->text);
     return static_cast<DataType>(number);
   }

@@ -110,7 +110,7 @@ std::string to_string(const Emcy& emcy) {
     text += register_bits[bit];
     separator = ", ";
   }
-  text += ")";
+  text += ')';
   if (std::ranges::any_of(emcy.more, [](std::uint8_t byte) { return byte != 0; })) {
     text += " data";
     for (const std::uint8_t byte : emcy.more) text += " " + hex(byte, 2);

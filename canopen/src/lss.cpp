@@ -127,7 +127,7 @@ void LssMaster::ask(Time now) {
 }
 
 void LssMaster::scan_step(bool answered, Time now) {
-  if (bit_ == scan_begin) {
+  if (bit_ == int{scan_begin}) {
     if (!answered) return finish(std::uint32_t{});
     bit_ = 31;
   } else if (bit_ >= 0) {
@@ -169,14 +169,15 @@ void LssMaster::pop(Time now) {
 
 void LssMaster::on_frame(const CanFrame& frame, Time now) {
   if (frame.id != lss_slave_id || frame.extended || frame.remote || frame.error || frame.size != 8) return;
-  if ((state_ != State::answer && state_ != State::fast_scan) || front() != nullptr || frame.data[0] != expected_) return;
+  if ((state_ != State::answer && state_ != State::fast_scan) || front() != nullptr || frame.data[0] != expected_)
+    return;
   if (state_ == State::fast_scan) {
     answered_ = true;  // others may still answer: the time is waited for
     return;
   }
   (void)now;
-  const bool may_refuse = expected_ == configure_node_id || expected_ == configure_bit_timing ||
-                          expected_ == store_configuration;
+  const bool may_refuse =
+      expected_ == configure_node_id || expected_ == configure_bit_timing || expected_ == store_configuration;
   if (may_refuse && frame.data[1] != 0) {
     const char* what = expected_ == configure_node_id      ? "node id out of range"
                        : expected_ == configure_bit_timing ? "bit rate not supported"
@@ -213,7 +214,8 @@ std::optional<CanFrame> LssSlave::on_frame(const CanFrame& frame) {
   if (command == scan) return on_fast_scan(frame);
   if (select_vendor <= command && command < selected) {
     const int part = command - select_vendor;
-    const bool fits = (part == 0 || part == selected_) && word_of(frame) == parts(identity_)[static_cast<std::size_t>(part)];
+    const bool fits =
+        (part == 0 || part == selected_) && word_of(frame) == parts(identity_)[static_cast<std::size_t>(part)];
     selected_ = fits ? part + 1 : 0;
     if (selected_ < 4) return {};
     selected_ = 0;

@@ -16,7 +16,7 @@ Master::Master(CanBus& bus, const Options& options, Events events)
   if (options.id < first_node || options.id > last_node) {
     throw std::invalid_argument{"CANopen master: node id " + std::to_string(options.id) + " is not from 1 to 127"};
   }
-  for (int node = 0; node <= last_node; ++node) {
+  for (int node = 0; node <= int{last_node}; ++node) {
     nodes_.push_back({.monitor = NodeMonitor{static_cast<NodeId>(node), {.heartbeat_timeout = Duration::zero()}}});
   }
 }
@@ -308,7 +308,8 @@ void Master::step(const std::shared_ptr<Configuration>& job) {
     return std::ranges::any_of(job->writes.begin() + static_cast<std::ptrdiff_t>(i) + 1, job->writes.end(),
                                [&](const SdoWrite& later) { return later.object == job->writes[i].object; });
   };
-  while (job->at < job->writes.size() && job->verifying && (!job->writes[job->at].verify || superseded(job->at))) ++job->at;
+  while (job->at < job->writes.size() && job->verifying && (!job->writes[job->at].verify || superseded(job->at)))
+    ++job->at;
   if (job->at == job->writes.size()) {
     if (std::exchange(job->verifying, true)) return finish({});
     job->at = 0;

@@ -40,7 +40,8 @@ Result<Bytes> encode_integer(DataType type, std::string_view text) {
   const std::size_t size = size_of(type);
   const int bits = static_cast<int>(8 * size);
   const std::uint64_t most = bits == 64 ? ~0ULL : (1ULL << bits) - 1;
-  if (type == DataType::boolean && (lower(text) == "true" || lower(text) == "false")) return Bytes{lower(text) == "true"};
+  if (type == DataType::boolean && (lower(text) == "true" || lower(text) == "false"))
+    return Bytes{lower(text) == "true"};
   const auto parsed = magnitude(text);
   if (!parsed) return invalid("'" + std::string{text} + "' is no whole number");
   const auto [value, negative] = *parsed;
@@ -51,7 +52,8 @@ Result<Bytes> encode_integer(DataType type, std::string_view text) {
   if (is_signed(type)) fits = negative ? value <= half : value < half || (as_bits && value <= most);
   if (!fits) {
     return Error{std::errc::result_out_of_range, "'" + std::string{text} + "' does not fit into " +
-                                                     std::to_string(bits) + (is_signed(type) ? " bits, signed" : " bits")};
+                                                     std::to_string(bits) +
+                                                     (is_signed(type) ? " bits, signed" : " bits")};
   }
   return le_bytes(negative ? ~value + 1 : value, size);
 }
@@ -184,8 +186,9 @@ Result<ObjectIndex> ObjectDictionary::parse(std::string_view text) const {
   if (digits.starts_with("0x") || digits.starts_with("0X")) digits.remove_prefix(2);
   const std::size_t colon = std::min(digits.find(':'), digits.size());
   ObjectIndex object;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + colon, object.index, 16);
-  if (error == std::errc{} && end == digits.data() + colon && colon == 4) {
+  const std::string_view index = digits.substr(0, colon);
+  const auto [end, error] = std::from_chars(index.data(), index.data() + index.size(), object.index, 16);
+  if (error == std::errc{} && end == index.data() + index.size() && index.size() == 4) {
     if (colon == digits.size()) return object;
     std::string_view sub = digits.substr(colon + 1);
     if (sub.starts_with("0x")) sub.remove_prefix(2);
@@ -229,7 +232,8 @@ std::vector<SdoWrite> ObjectDictionary::configuration() const {
     const ObjectEntry* cob_id = find({parameters, 1});
     const Bytes* on = cob_id == nullptr ? nullptr : cob_id->configured ? &*cob_id->configured : &cob_id->value;
     if (on != nullptr && on->size() == 4) {
-      writes.push_back(sdo_write<std::uint32_t>({parameters, 1}, static_cast<std::uint32_t>(get_le(*on)) | 0x80000000U));
+      writes.push_back(
+          sdo_write<std::uint32_t>({parameters, 1}, static_cast<std::uint32_t>(get_le(*on)) | 0x80000000U));
     }
     const auto put = [&](std::uint16_t index, int from) {
       for (auto at = objects.lower_bound({index, static_cast<std::uint8_t>(from)});

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <poll.h>
-#include <regista/canopen/pump.hpp>
 #include <sys/epoll.h>
 #include <sys/timerfd.h>
-#include <system_error>
 #include <unistd.h>
+#include <regista/canopen/pump.hpp>
+#include <system_error>
 
 namespace regista::canopen {
 namespace {
@@ -35,7 +35,8 @@ Pump::~Pump() {
 Result<> Pump::run(Time now) {
   Result<> served = serve(bus_, station_, now);
   const Time next = station_.next_wake();
-  // CLOCK_MONOTONIC is what steady_clock reads. A time of zero would switch the timer off; one that is past fires at once.
+  // CLOCK_MONOTONIC is what steady_clock reads. A time of zero would switch the timer off; one that is past fires at
+  // once.
   const auto since_boot = std::max<std::chrono::nanoseconds>(next.time_since_epoch(), std::chrono::nanoseconds{1});
   const auto whole = std::chrono::floor<std::chrono::seconds>(since_boot);
   itimerspec when{};

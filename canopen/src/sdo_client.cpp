@@ -35,8 +35,7 @@ CanFrame SdoClient::frame(std::uint8_t command, std::uint32_t rest) const {
 }
 
 Error SdoClient::error(std::error_code code, const std::string& more) const {
-  return {code,
-          "node " + std::to_string(server_) + ": " + (reading_ ? "read " : "write ") + to_string(object_) + more};
+  return {code, "node " + std::to_string(server_) + ": " + (reading_ ? "read " : "write ") + to_string(object_) + more};
 }
 
 void SdoClient::begin(ObjectIndex object, State state, CanFrame request, SdoDone done, Time now) {
@@ -92,10 +91,9 @@ void SdoClient::download(ObjectIndex object, Bytes data, SdoTransfer transfer, S
     return begin(object, State::block_download_initiate, frame(0xC6, size), std::move(done), now);
   }
   const bool expedited = 1 <= size && size <= 4;
-  const auto request = expedited
-                           ? frame(static_cast<std::uint8_t>(0x23U | (4 - size) << 2),
-                                   static_cast<std::uint32_t>(get_le(data_)))
-                           : frame(0x21, size);
+  const auto request =
+      expedited ? frame(static_cast<std::uint8_t>(0x23U | (4 - size) << 2), static_cast<std::uint32_t>(get_le(data_)))
+                : frame(0x21, size);
   begin(object, State::download_initiate, request, std::move(done), now);
   offset_ = expedited ? size : 0;
 }
@@ -141,7 +139,11 @@ void SdoClient::abort(SdoAbort code, Time now) { give_up(code, error(code, ": we
 
 void SdoClient::cancel(const Error& why, Time now) {
   if (!busy()) return;
-  give_up(SdoAbort::general, error(why.code, why.what.empty() ? "" : ": " + why.what), now);
+  Error what = error(why.code, why.what.empty() ? "" : ": " + why.what);
+  quiet_until_ = now + options_.settle;
+  answer_to_.reset();
+  last_word_.reset();
+  finish(std::move(what));
 }
 
 void SdoClient::on_time(Time now) {
@@ -299,7 +301,8 @@ void SdoClient::finish_upload(Time now) {
 
 void SdoClient::stage_block_segment(Time now) {
   const std::size_t at = offset_ + sequence_ * segment_bytes;
-  if (sequence_ > 0 && (sequence_ == block_size_ || at >= data_.size())) return expect(State::block_download_answer, now);
+  if (sequence_ > 0 && (sequence_ == block_size_ || at >= data_.size()))
+    return expect(State::block_download_answer, now);
   const std::size_t size = std::min(data_.size() - at, segment_bytes);
   CanFrame segment{.id = 0x600U + server_, .size = 8};
   std::copy_n(data_.begin() + static_cast<std::ptrdiff_t>(at), size, segment.data.begin() + 1);
@@ -330,7 +333,7 @@ void SdoClient::on_block_answer(const CanFrame& frame, Time now) {
   // An answer before the block is complete: the node missed a segment and does not wait for the rest.
   if (kind != 2) return abort(SdoAbort::unknown_command, now);
   const std::uint8_t good = frame.data[1];
-  const int sent = sequence_ - (out_ ? 1 : 0);
+  const auto sent = static_cast<std::uint8_t>(sequence_ - (out_ ? 1 : 0));
   if (good > sent) return abort(SdoAbort::sequence_number, now);
   block_size_ = frame.data[2];
   if (!is_block_size(block_size_)) return abort(SdoAbort::block_size, now);

@@ -133,7 +133,8 @@ void SdoServer::initiate_upload(Time now) {
   const auto size = static_cast<std::uint32_t>(data_.size());
   state_ = State::idle;
   if (1 <= size && size <= 4) {
-    return answer(static_cast<std::uint8_t>(0x43U | (4 - size) << 2), static_cast<std::uint32_t>(get_le(data_)), true, now);
+    return answer(static_cast<std::uint8_t>(0x43U | (4 - size) << 2), static_cast<std::uint32_t>(get_le(data_)), true,
+                  now);
   }
   state_ = State::upload_segment;
   answer(0x41, size, true, now);

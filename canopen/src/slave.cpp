@@ -13,7 +13,9 @@ constexpr std::uint32_t no_remote = 0x40000000;
 constexpr std::size_t most_waiting = 64;
 constexpr Duration retry = microseconds{500};
 
-bool is_mapping(std::uint16_t index) { return (0x1600 <= index && index < 0x1800) || (0x1A00 <= index && index < 0x1C00); }
+bool is_mapping(std::uint16_t index) {
+  return (0x1600 <= index && index < 0x1800) || (0x1A00 <= index && index < 0x1C00);
+}
 bool is_pdo(std::uint16_t index) { return 0x1400 <= index && index < 0x1C00; }
 
 Identity identity_of(const ObjectDictionary& dictionary) {
@@ -53,7 +55,8 @@ void Slave::set(ObjectIndex object, std::uint64_t value) {
   const auto found = dictionary_.objects.find(object);
   if (found == dictionary_.objects.end()) return;
   Bytes& bytes = found->second.value;
-  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = i < 8 ? static_cast<std::uint8_t>(value >> (8 * i)) : std::uint8_t{0};
+  for (std::size_t i = 0; i < bytes.size(); ++i)
+    bytes[i] = i < 8 ? static_cast<std::uint8_t>(value >> (8 * i)) : std::uint8_t{0};
 }
 
 void Slave::set_bytes(ObjectIndex object, ByteView bytes) {
@@ -92,9 +95,8 @@ std::optional<SdoAbort> Slave::change(ObjectIndex object, ByteView data) {
   if (entry.low && number_of(entry, data) < *entry.low) return SdoAbort::value_too_low;
   if (entry.high && number_of(entry, data) > *entry.high) return SdoAbort::value_too_high;
   if (const auto refused = check_mapping(object, data)) return refused;
-  if (object == ObjectIndex{0x1003, 0}) {  // CiA 301, 7.5.2.6: only 0, which erases the history
-    if (data[0] != 0) return SdoAbort::value;
-  }
+  // CiA 301, 7.5.2.6: only 0, which erases the history.
+  if (object == ObjectIndex{0x1003, 0} && data[0] != 0) return SdoAbort::value;
   Bytes before(data.begin(), data.end());
   before.swap(entry.value);
   if (events_.written) {
@@ -173,7 +175,7 @@ void Slave::enter(NmtState state, Time now) {
 
 void Slave::load_consumers() {
   consumers_.clear();
-  for (int sub = 1; sub <= static_cast<int>(get({0x1016, 0})); ++sub) {
+  for (std::uint64_t sub = 1; sub <= std::min<std::uint64_t>(get({0x1016, 0}), 0x7F); ++sub) {
     const std::uint64_t value = get({0x1016, static_cast<std::uint8_t>(sub)});
     const auto node = static_cast<NodeId>(value >> 16 & 0x7FU);
     const milliseconds time{value & 0xFFFFU};
@@ -195,8 +197,9 @@ void Slave::load_pdos(Time now) {
       if ((cob_id & off) != 0) continue;
       std::vector<MappedObject> mapped;
       unsigned bits = 0;
-      for (std::uint8_t sub = 1; sub <= get({mapping, 0}); ++sub) {
-        const auto object = MappedObject::from_code(static_cast<std::uint32_t>(get({mapping, sub})));
+      for (std::uint64_t sub = 1; sub <= std::min<std::uint64_t>(get({mapping, 0}), 64); ++sub) {
+        const std::uint64_t code = get({mapping, static_cast<std::uint8_t>(sub)});
+        const auto object = MappedObject::from_code(static_cast<std::uint32_t>(code));
         bits += object.bits;
         if (object.bits == 0 || bits > 64) break;
         mapped.push_back(object);
@@ -218,9 +221,9 @@ void Slave::load_pdos(Time now) {
 void Slave::emergency(const Emcy& emcy, Time now) {
   set({0x1001, 0}, emcy.code == 0 ? 0 : emcy.error_register);
   if (emcy.code != 0) {
-    const auto last = static_cast<std::uint8_t>(std::count_if(
-        dictionary_.objects.begin(), dictionary_.objects.end(),
-        [](const auto& object) { return object.first.index == 0x1003 && object.first.sub > 0; }));
+    const auto last = static_cast<std::uint8_t>(
+        std::count_if(dictionary_.objects.begin(), dictionary_.objects.end(),
+                      [](const auto& object) { return object.first.index == 0x1003 && object.first.sub > 0; }));
     for (std::uint8_t sub = last; sub > 1; --sub) set({0x1003, sub}, get({0x1003, static_cast<std::uint8_t>(sub - 1)}));
     set({0x1003, 1}, emcy.code);
     set({0x1003, 0}, std::min<std::uint64_t>(get({0x1003, 0}) + 1, last));
@@ -301,7 +304,8 @@ void Slave::apply(Pdo& pdo) {
     if (objects[i].object.index < 0x20) continue;
     const std::uint64_t value = pdo.mapping.get(pdo.bytes, i);
     const ObjectEntry* entry = dictionary_.find(objects[i].object);
-    if (entry != nullptr && entry->value.size() <= 8) (void)change(objects[i].object, le_bytes(value, entry->value.size()));
+    if (entry != nullptr && entry->value.size() <= 8)
+      (void)change(objects[i].object, le_bytes(value, entry->value.size()));
   }
 }
 

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
-#include <linux/errqueue.h>
 #include <linux/net_tstamp.h>
 #include <net/if.h>
-#include <regista/canopen/socket_can.hpp>
 #include <sys/socket.h>
 #include <unistd.h>
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <regista/canopen/socket_can.hpp>
 
 namespace regista::canopen {
 namespace {
@@ -114,14 +113,14 @@ Result<std::optional<ReceivedFrame>> SocketCan::receive() {
     if (errno == EAGAIN || errno == EINTR) return std::optional<ReceivedFrame>{};
     return last_error(interface_);
   }
-  if (size != static_cast<ssize_t>(sizeof raw)) return Error{std::errc::bad_message, interface_};
+  if (static_cast<std::size_t>(size) != sizeof raw) return Error{std::errc::bad_message, interface_};
   ReceivedFrame received{from_kernel(raw), Clock::now()};
   for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
     if (part->cmsg_level != SOL_SOCKET) continue;
     if (part->cmsg_type == SO_TIMESTAMPING) {
-      scm_timestamping stamps{};
+      std::array<timespec, 3> stamps{};  // scm_timestamping: software, unused, hardware
       std::memcpy(&stamps, CMSG_DATA(part), sizeof stamps);
-      if (stamps.ts[0].tv_sec != 0) received.time = steady_time(stamps.ts[0]);
+      if (stamps[0].tv_sec != 0) received.time = steady_time(stamps[0]);
     } else if (part->cmsg_type == SO_RXQ_OVFL) {
       std::uint32_t dropped = 0;
       std::memcpy(&dropped, CMSG_DATA(part), sizeof dropped);

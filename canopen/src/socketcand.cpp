@@ -15,7 +15,7 @@
 namespace regista::canopen {
 namespace {
 
-constexpr std::size_t most_out = 4096;   // bytes that wait for the network
+constexpr std::size_t most_out = 4096;  // bytes that wait for the network
 constexpr std::size_t most_message = 4096;
 
 Error last_error(const std::string& what) { return {std::error_code{errno, std::generic_category()}, what}; }
@@ -46,7 +46,7 @@ std::string socketcand_send(const CanFrame& frame) {
   // Eight digits mean 29 bits (doc/protocol.md); bytes are unpadded.
   std::string text = "< send " + hex(frame.id, frame.extended ? 8 : 3) + " " + std::to_string(frame.size);
   for (const std::uint8_t byte : frame.bytes()) {
-    text += " ";
+    text += ' ';
     if (byte >= 0x10) text += hex(byte >> 4U, 1);
     text += hex(byte & 0xFU, 1);
   }

@@ -5,8 +5,8 @@
 namespace regista::canopen {
 namespace {
 
-/// The frame whose bits are dominant longer wins (ISO 11898-1, 10.3): base id, then data before remote and 11 bits before
-/// 29, then the rest of the id.
+/// The frame whose bits are dominant longer wins (ISO 11898-1, 10.3): base id, then data before remote and 11 bits
+/// before 29, then the rest of the id.
 std::uint64_t arbitration(const CanFrame& frame) {
   const std::uint64_t base = frame.extended ? frame.id >> 18 : frame.id;
   const std::uint64_t rest = frame.extended ? frame.id & 0x3FFFFU : 0;

@@ -66,8 +66,8 @@ TEST(Eds, errors_name_file_and_line) {
 
 TEST(Eds, takes_numbers_in_every_way_that_cia_306_has) {
   const auto value = [](const std::string& text) {
-    const ObjectDictionary one =
-        parse_eds("[2000]\r\nParameterName=x ; a comment\r\nDataType=0x0007\r\nDefaultValue=" + text + "\r\n", "x", NodeId{5});
+    const ObjectDictionary one = parse_eds(
+        "[2000]\r\nParameterName=x ; a comment\r\nDataType=0x0007\r\nDefaultValue=" + text + "\r\n", "x", NodeId{5});
     return get_le(one.find({0x2000, 0})->value);
   };
   EXPECT_EQ(value("0x1F"), 31U);
@@ -118,15 +118,15 @@ ParameterName=Acceleration
 DataType=7
 ParameterValue=0x100
 )",
-                                       "x.dcf");
+                                         "x.dcf");
   EXPECT_EQ(dcf.node, 7);
   EXPECT_EQ(dcf.bit_rate, 500'000);
   const std::vector<SdoWrite> writes = dcf.configuration();
   std::vector<std::pair<ObjectIndex, std::uint64_t>> found;
   for (const SdoWrite& write : writes) found.emplace_back(write.object, get_le(write.value));
   const std::vector<std::pair<ObjectIndex, std::uint64_t>> wanted{
-      {{0x1017, 0}, 100},        {{0x6083, 0}, 0x100},      {{0x1400, 1}, 0x80000207}, {{0x1400, 2}, 255},
-      {{0x1400, 1}, 0x00000207},
+      {{0x1017, 0}, 100}, {{0x6083, 0}, 0x100},      {{0x1400, 1}, 0x80000207},
+      {{0x1400, 2}, 255}, {{0x1400, 1}, 0x00000207},
   };
   // The mapping's number of objects is read-only here (CompactSubObj), so the mapping itself is left as it is.
   EXPECT_EQ(found, wanted);
@@ -151,7 +151,9 @@ TEST(ObjectDictionary, finds_objects_by_number_and_by_name) {
   EXPECT_EQ(*drive.parse("controlword"), (ObjectIndex{0x6040, 0}));
   EXPECT_EQ(*drive.parse("Identity object / Serial number"), (ObjectIndex{0x1018, 4}));
   EXPECT_EQ(*drive.parse("serial number"), (ObjectIndex{0x1018, 4}));
-  EXPECT_EQ(drive.parse("event timer").error().what.find("several objects are called 'event timer'; did you mean 1400:05"), 0U);
+  EXPECT_EQ(
+      drive.parse("event timer").error().what.find("several objects are called 'event timer'; did you mean 1400:05"),
+      0U);
   EXPECT_EQ(drive.parse("velocity").error().what,
             "no object 'velocity'; did you mean 606C:00 'Velocity actual value', 60FF:00 'Target velocity'");
 }

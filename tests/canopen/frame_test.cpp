@@ -17,7 +17,8 @@ TEST(CanFrame, takes_the_bits_of_the_standard) {
   std::mt19937 random{1};
   double sum = 0;
   for (int i = 0; i < 4000; ++i) {
-    CanFrame frame{.id = static_cast<std::uint32_t>(random() & 0x7FFU), .size = static_cast<std::uint8_t>(random() % 9)};
+    CanFrame frame{.id = static_cast<std::uint32_t>(random() & 0x7FFU),
+                   .size = static_cast<std::uint8_t>(random() % 9)};
     for (std::uint8_t& byte : frame.data) byte = static_cast<std::uint8_t>(random());
     EXPECT_GE(frame_bits(frame), 47 + 8 * frame.size);
     EXPECT_LE(frame_bits(frame), worst_frame_bits(frame.size));
@@ -56,7 +57,8 @@ TEST(VirtualBus, takes_the_time_of_a_real_one) {
 
 TEST(VirtualBus, lets_the_lowest_id_go_first) {
   Bench bench;
-  std::vector<CanFrame> frames{make_frame(0x700, {}), make_frame(0x181, {}), make_frame(0x080, {}), make_frame(0x181, {})};
+  std::vector<CanFrame> frames{make_frame(0x700, {}), make_frame(0x181, {}), make_frame(0x080, {}),
+                               make_frame(0x181, {})};
   frames[3].remote = true;
   frames.push_back({.id = 0x181U << 18, .extended = true});
   for (const CanFrame& frame : frames) ASSERT_TRUE(bench.bus.attach().send(frame));

@@ -15,7 +15,9 @@ ObjectDictionary drive_dictionary(NodeId node) { return load_eds(TEST_DATA "/can
 struct Drive {
   Drive(Bench& bench, NodeId node)
       : port{bench.bus.attach()},
-        slave{port, node, drive_dictionary(node),
+        slave{port,
+              node,
+              drive_dictionary(node),
               {.written = [this](ObjectIndex object, ByteView data) -> std::optional<SdoAbort> {
                  written.emplace_back(object, get_le(data.first(std::min<std::size_t>(data.size(), 8))));
                  return {};
@@ -34,7 +36,8 @@ struct Drive {
 
 struct OneMaster : testing::Test {
   explicit OneMaster(const Master::Options& options = {})
-      : master{port, options,
+      : master{port,
+               options,
                {.node = [this](NodeId node, NodeMonitor::Event event) { events.emplace_back(node, event); },
                 .emcy = [this](NodeId node, const Emcy& emcy) { emcies.emplace_back(node, emcy); },
                 .bus = [this](BusState state) { bus_states.push_back(state); }}} {
@@ -42,7 +45,8 @@ struct OneMaster : testing::Test {
   }
   Result<Bytes> read(NodeId node, ObjectIndex object, SdoTransfer transfer = SdoTransfer::standard) {
     std::optional<Result<Bytes>> result;
-    const auto begun = master.upload(node, object, [&](Result<Bytes> r) { result = std::move(r); }, bench.now, transfer);
+    const auto begun =
+        master.upload(node, object, [&](Result<Bytes> r) { result = std::move(r); }, bench.now, transfer);
     if (!begun) return begun.error();
     (void)bench.run_until([&] { return result.has_value(); });
     return *result;
@@ -108,8 +112,8 @@ TEST_F(MasterAndDrives, read_of_both_at_once) {
 
 TEST_F(MasterAndDrives, refuse_the_sixty_sixth_transfer) {
   for (int i = 0; i < 65; ++i) ASSERT_TRUE(master.upload(9, {0x1000, 0}, [](const Result<Bytes>&) {}, bench.now));
-  EXPECT_EQ(master.upload(9, {0x1000, 0}, [](const Result<Bytes>&) {}, bench.now).error().code,
-            std::errc::no_buffer_space);
+  EXPECT_EQ(
+      master.upload(9, {0x1000, 0}, [](const Result<Bytes>&) {}, bench.now).error().code, std::errc::no_buffer_space);
 }
 
 // F15: the master falls silent, the drive finds out by itself.
@@ -177,8 +181,10 @@ TEST_F(MasterAndDrives, set_a_pdo_up_in_the_order_of_cia_301) {
   ASSERT_TRUE(configure(5, pdo_writes(5, commands)));
   std::vector<ObjectIndex> order;
   for (const auto& [object, value] : left.written) order.push_back(object);
-  EXPECT_EQ(order, (std::vector<ObjectIndex>{{0x1400, 1}, {0x1400, 2}, {0x1400, 5}, {0x1600, 0}, {0x1600, 1},
-                                             {0x1600, 2}, {0x1600, 0}, {0x1400, 1}}));
+  EXPECT_EQ(
+      order,
+      (std::vector<ObjectIndex>{
+          {0x1400, 1}, {0x1400, 2}, {0x1400, 5}, {0x1600, 0}, {0x1600, 1}, {0x1600, 2}, {0x1600, 0}, {0x1400, 1}}));
   EXPECT_EQ(left.written.front().second, 0x80000205U);
   EXPECT_EQ(left.written.back().second, 0x00000205U);
   // Without that order the drive refuses.
@@ -209,7 +215,8 @@ TEST_F(MasterAndDrives, find_what_does_not_read_back) {
   } forget{forgetful};
   other.join(end, forget);
   std::optional<Result<>> result;
-  ASSERT_TRUE(lone.configure(5, {sdo_write<std::uint32_t>({0x2010, 0}, 7)}, [&](Result<> r) { result = r; }, other.now));
+  ASSERT_TRUE(
+      lone.configure(5, {sdo_write<std::uint32_t>({0x2010, 0}, 7)}, [&](Result<> r) { result = r; }, other.now));
   ASSERT_TRUE(other.run_until([&] { return result.has_value(); }));
   ASSERT_FALSE(*result);
   EXPECT_NE(result->error().what.find("2010:00 was written and reads back differently"), std::string::npos);
@@ -330,8 +337,9 @@ TEST_F(Driving, discards_what_waits_when_the_controller_goes_bus_off) {
 TEST_F(Driving, sends_pdos_past_a_block_transfer) {
   Listener listener{bench};
   bool done = false;
-  ASSERT_TRUE(master.download(5, {0x2001, 0}, random_bytes(20'000), [&](const Result<Bytes>& r) { done = static_cast<bool>(r); },
-                              bench.now, SdoTransfer::block));
+  ASSERT_TRUE(master.download(
+      5, {0x2001, 0}, random_bytes(20'000), [&](const Result<Bytes>& r) { done = static_cast<bool>(r); }, bench.now,
+      SdoTransfer::block));
   std::vector<Duration> late;
   while (!done) {
     const Time set = bench.now;
@@ -448,6 +456,39 @@ TEST_F(MasterAndDrives, guard_a_node) {
   EXPECT_TRUE(master.monitor(5).lost());
 }
 
+TEST(MasterDay, passes_without_drift) {
+  Bench bench{125'000};
+  VirtualBus::Port& port = bench.bus.attach();
+  std::vector<NodeMonitor::Event> events;
+  Master master{port,
+                {.heartbeat = 500ms, .bit_rate = 125'000, .sync = {.period = 1s, .counter_overflow = 240}},
+                {.node = [&](NodeId, NodeMonitor::Event event) { events.push_back(event); }, .emcy = {}, .bus = {}}};
+  bench.join(port, master);
+  Drive drive{bench, 5};
+  std::uint64_t syncs = 0;
+  struct Count final : Station {
+    std::uint64_t& count;
+    explicit Count(std::uint64_t& n) : count{n} {}
+    void on_frame(const CanFrame& frame, Time /*now*/) override { count += frame.id == 0x080 ? 1 : 0; }
+    void on_time(Time /*now*/) override {}
+    [[nodiscard]] Time next_wake() const override { return Time::max(); }
+  } count{syncs};
+  bench.join(bench.bus.attach(), count);
+  master.watch(5, {.heartbeat_timeout = 1s});
+  int good = 0;
+  ASSERT_TRUE(master.configure(
+      5, heartbeat_writes(127, 400ms, 1500ms), [&](const Result<>& r) { good += r ? 1 : 0; }, bench.now));
+  for (int minute = 0; minute < 24 * 60; ++minute) {
+    ASSERT_TRUE(master.upload(5, {0x1008, 0}, [&](const Result<Bytes>& r) { good += r ? 1 : 0; }, bench.now));
+    bench.run(60s);
+  }
+  EXPECT_EQ(good, 24 * 60 + 1);
+  EXPECT_NEAR(static_cast<double>(syncs), 86'400, 1);
+  EXPECT_EQ(master.sync().missed(), 0U);
+  EXPECT_EQ(events, (std::vector{NodeMonitor::Event::boot_up})) << "and never lost";
+  EXPECT_TRUE(drive.silent.empty());
+}
+
 TEST(MasterDiagnosis, knows_the_load_of_the_bus) {
   Bench bench{125'000};
   VirtualBus::Port& port = bench.bus.attach();
@@ -467,8 +508,12 @@ TEST(MasterLss, gives_a_node_an_id_and_hears_it_boot) {
   Bench bench;
   VirtualBus::Port& port = bench.bus.attach();
   bool booted = false;
-  Master master{port, {}, {.node = [&](NodeId node, NodeMonitor::Event e) { booted = node == 33 && e == NodeMonitor::Event::boot_up; },
-                           .emcy = {}, .bus = {}}};
+  Master master{
+      port,
+      {},
+      {.node = [&](NodeId node, NodeMonitor::Event e) { booted = node == 33 && e == NodeMonitor::Event::boot_up; },
+       .emcy = {},
+       .bus = {}}};
   bench.join(port, master);
   VirtualBus::Port& end = bench.bus.attach();
   Slave slave{end, lss_unconfigured, drive_dictionary(1), {}, {}};
@@ -479,10 +524,13 @@ TEST(MasterLss, gives_a_node_an_id_and_hears_it_boot) {
   master.on_time(bench.now);
   ASSERT_TRUE(bench.run_until([&] { return found.has_value(); }, 20s));
   EXPECT_EQ(found->serial, 0x12345678U);
-  master.lss().set_node_id(33, [&](const Result<>& result) {
+  master.lss().set_node_id(
+      33,
+      [&](const Result<>& result) {
         EXPECT_TRUE(result);
         master.lss().switch_all(false, [](const Result<>&) {}, master.now());
-      }, bench.now);
+      },
+      bench.now);
   master.on_time(bench.now);
   ASSERT_TRUE(bench.run_until([&] { return booted; }));
   EXPECT_EQ(slave.node(), 33);

@@ -99,6 +99,29 @@ TEST_F(Sdo, sends_the_frames_of_cia_301) {
   EXPECT_EQ(answers[1], make_frame(0x585, {0x43, 0x00, 0x10, 0x00, 0x92, 0x01, 0x02, 0x00}));
 }
 
+// An 8-byte frame takes 111 to 135 bits, so 128 frames for 889 bytes leave 51.4 to 62.6 kB/s at 1 Mbit/s.
+TEST_F(Sdo, uses_nearly_all_of_the_bus_in_block_transfers) {
+  const Bytes data = random_bytes(100'000);
+  for (const bool up : {false, true}) {
+    const std::uint64_t bits_before = bench.bus.bits();
+    const Time begin = bench.now;
+    if (up) {
+      ASSERT_EQ(*read(object, SdoTransfer::block), data);
+    } else {
+      ASSERT_TRUE(write(object, data, SdoTransfer::block));
+    }
+    const double took_s = seconds(bench.now - begin);
+    const double rate = static_cast<double>(data.size()) / took_s;
+    const double busy = static_cast<double>(bench.bus.bits() - bits_before) / (took_s * 1e6);
+    const double limit = 889.0 * 1e6 / (128 * 115.0);  // 115 bits is the mean of random data
+    EXPECT_GE(busy, 0.999);
+    EXPECT_GE(rate / limit, 0.95);
+    EXPECT_LE(rate / limit, 1.02);
+    RecordProperty(up ? "upload_of_limit" : "download_of_limit", std::to_string(rate / limit));
+    std::printf("block %s: %.0f bytes/s, %.3f of the limit\n", up ? "upload" : "download", rate, rate / limit);
+  }
+}
+
 TEST_F(Sdo, survives_the_loss_of_any_segment_of_a_block) {
   const Bytes data = random_bytes(300);
   memory.objects[object] = data;
@@ -401,15 +424,17 @@ TEST_F(Sdo, refuses_what_is_no_protocol) {
   EXPECT_EQ(code_after({{0x21, 1, 0x20, 0, 9, 0, 0, 0}, {0x01, 0, 0, 0, 0, 0, 0, 0}}), SdoAbort::length);
   EXPECT_EQ(code_after({{0x21, 1, 0x20, 0, 9, 0, 0, 0xF0}}), SdoAbort::out_of_memory);
   EXPECT_EQ(code_after({{0xA4, 1, 0x20, 0, 0, 0, 0, 0}}), SdoAbort::block_size);
-  EXPECT_EQ(code_after({{0xA4, 1, 0x20, 0, 2, 0, 0, 0}, {0xA3}, {0xA3, 0, 0, 0, 0, 0, 0, 0}, {0xA2, 3, 2, 0, 0, 0, 0, 0}}),
-            SdoAbort::sequence_number);
+  EXPECT_EQ(
+      code_after({{0xA4, 1, 0x20, 0, 2, 0, 0, 0}, {0xA3}, {0xA3, 0, 0, 0, 0, 0, 0, 0}, {0xA2, 3, 2, 0, 0, 0, 0, 0}}),
+      SdoAbort::sequence_number);
   EXPECT_EQ(code_after({{0xC6, 1, 0x20, 0, 7, 0, 0, 0}, {0x81, 1, 2, 3, 4, 5, 6, 7}, {0xC1, 1, 1, 0, 0, 0, 0, 0}}),
             SdoAbort::crc);
   bench.run(2s);
   listener.heard.clear();
   EXPECT_EQ(code_after({{0x21, 1, 0x20, 0, 9, 0, 0, 0}}), SdoAbort{});
   bench.run(2s);
-  EXPECT_EQ(listener.frames(0x585).back(), make_frame(0x585, {0x80, 1, 0x20, 0, 0, 0, 4, 5})) << "the client fell silent";
+  EXPECT_EQ(listener.frames(0x585).back(), make_frame(0x585, {0x80, 1, 0x20, 0, 0, 0, 4, 5}))
+      << "the client fell silent";
 }
 
 TEST(SdoClient, outlives_any_answer) {

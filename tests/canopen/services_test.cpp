@@ -149,8 +149,8 @@ struct Lss : testing::Test {
 };
 
 TEST_F(Lss, finds_nodes_one_after_the_other_and_gives_them_ids) {
-  const std::vector<Identity> identities{{0xF4, 0x402, 0x10001, 0x12345678}, {0xF4, 0x402, 0x10001, 0x12345679},
-                                         {0xFFFFFFFF, 0, 0x80000000, 1}};
+  const std::vector<Identity> identities{
+      {0xF4, 0x402, 0x10001, 0x12345678}, {0xF4, 0x402, 0x10001, 0x12345679}, {0xFFFFFFFF, 0, 0x80000000, 1}};
   for (const Identity& identity : identities) slaves.emplace_back(identity, lss_unconfigured);
   slaves.emplace_back(Identity{1, 1, 1, 1}, NodeId{9});  // has one already
   std::vector<Identity> found;

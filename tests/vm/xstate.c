@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into linux.uml 6.1: on a CPU with AMX a process has 11008 bytes of floating point state, of which it knows 2696.
-// PTRACE_SETREGSET wants all of them, so what is not known is read first and given back as it was.
+// Preloaded into linux.uml 6.1: on a CPU with AMX a process has 11008 bytes of floating point state, of which it knows
+// 2696. PTRACE_SETREGSET wants all of them, so what is not known is read first and given back as it was.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <elf.h>

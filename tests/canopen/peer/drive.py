@@ -3,9 +3,9 @@
 
 drive.py --interface socketcand|socketcan --channel BUS [--port PORT] [--node 5]... [--eds FILE]
 
-Boot-up, heartbeat both ways (1016, 1017), SDO of all kinds, PDOs mapped by SDO, SYNC, EMCY, LSS no. Without set-points for
-the time of 1400:05, or without the master's heartbeat, it does what 6007 says: 0 nothing, 1 fault, 2 disable, 3 quick stop.
-Writing 2002 raises that error. Each change is a line of JSON on stdout; the first line is "ready".
+Boot-up, heartbeat both ways (1016, 1017), SDO of all kinds, PDOs mapped by SDO, SYNC, EMCY; no LSS. Without set-points
+for the time of 1400:05, or without the heartbeat of the master, it does what 6007 says: 0 nothing, 1 fault, 2 disable,
+3 quick stop. Writing 2002 raises that error. Each change is a line of JSON on stdout; the first line is "ready".
 """
 
 import argparse
@@ -15,8 +15,9 @@ import threading
 import time
 from pathlib import Path
 
-import canopen
 from block_server import BlockSdoServer
+
+import canopen
 
 STATES = {
     "not ready to switch on": 0x00,
@@ -120,7 +121,11 @@ class Drive:
                 if self.state != "quick stop active":
                     self.go("ready to switch on")
             elif word & 0x0F == 0x07:
-                self.go({"ready to switch on": "switched on", "operation enabled": "switched on"}.get(self.state, self.state))
+                self.go(
+                    {"ready to switch on": "switched on", "operation enabled": "switched on"}.get(
+                        self.state, self.state
+                    )
+                )
             elif word & 0x0F == 0x0F and self.state in ("ready to switch on", "switched on", "quick stop active"):
                 self.go("operation enabled")
 

@@ -16,8 +16,8 @@ struct ReceivedFrame {
 class CanBus {
  public:
   virtual ~CanBus() = default;
-  /// Hand one frame over. Fails with `no_buffer_space` while the bus is saturated (nothing was taken: try again a little
-  /// later) and with `network_down` or `no_such_device` when there is no bus any more.
+  /// Hand one frame over. Fails with `no_buffer_space` while the bus is saturated (nothing was taken: try again a
+  /// little later) and with `network_down` or `no_such_device` when there is no bus any more.
   virtual Result<> send(const CanFrame& frame) = 0;
   /// Take the next frame that came, error frames among them; empty when none waits. Our own frames do not come back.
   virtual Result<std::optional<ReceivedFrame>> receive() = 0;

@@ -45,7 +45,9 @@ constexpr int worst_frame_bits(int size, bool extended = false) {
 }
 
 /// `bits` at a bit rate [bit/s].
-constexpr Duration bus_time(int bits, int bit_rate) { return std::chrono::nanoseconds{1'000'000'000LL * bits / bit_rate}; }
+constexpr Duration bus_time(int bits, int bit_rate) {
+  return std::chrono::nanoseconds{1'000'000'000LL * bits / bit_rate};
+}
 
 /// How a controller stands on its bus (ISO 11898-1, fault confinement).
 enum class BusState : std::uint8_t {

@@ -7,8 +7,8 @@ namespace regista::canopen {
 
 /// An emergency message: a node tells that an error came or went (CiA 301, 7.2.7).
 struct Emcy {
-  std::uint16_t code = 0;             ///< 0: all errors are gone
-  std::uint8_t error_register = 0;    ///< object 1001
+  std::uint16_t code = 0;              ///< 0: all errors are gone
+  std::uint8_t error_register = 0;     ///< object 1001
   std::array<std::uint8_t, 5> more{};  ///< the maker's own
 
   static std::optional<Emcy> decode(const CanFrame& frame);
@@ -16,7 +16,8 @@ struct Emcy {
   bool operator==(const Emcy&) const = default;
 };
 
-/// "EMCY 0x3210 DC link over-voltage (reg 0x05: generic, voltage)". The texts are those of CiA 301 (table 26) and CiA 402-2.
+/// "EMCY 0x3210 DC link over-voltage (reg 0x05: generic, voltage)". The texts are those of CiA 301 (table 26) and CiA
+/// 402-2.
 std::string to_string(const Emcy& emcy);
 /// "DC link over-voltage", or that of the class of errors.
 std::string emcy_text(std::uint16_t code);

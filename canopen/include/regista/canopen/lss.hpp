@@ -20,8 +20,8 @@ std::string to_string(const Identity& identity);
 inline constexpr std::uint32_t lss_master_id = 0x7E5, lss_slave_id = 0x7E4;
 inline constexpr NodeId lss_unconfigured = 255;
 
-/// Layer setting services (CiA 305): finds nodes by their identity and gives them a node id and a bit rate. One service at
-/// a time; each tells how it ended. Most slaves answer within 20 ms; CiA 305 does not say.
+/// Layer setting services (CiA 305): finds nodes by their identity and gives them a node id and a bit rate. One service
+/// at a time; each tells how it ended. Most slaves answer within 20 ms; CiA 305 does not say.
 class LssMaster {
  public:
   struct Options {

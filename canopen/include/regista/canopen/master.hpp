@@ -17,9 +17,9 @@ namespace regista::canopen {
 /// thread, by serve() or a Pump.
 ///
 /// What it sends waits in four places, each bounded: network management and SYNC go first, then PDOs, of which only the
-/// newest of each waits, then SDO and LSS, a frame of each node in turn. When the bus breaks (bus-off, interface down, or
-/// nothing sent for `link_timeout`) all of it is discarded and transfers fail with `network_down`: nothing that was meant
-/// for before the trouble is sent after it.
+/// newest of each waits, then SDO and LSS, a frame of each node in turn. When the bus breaks (bus-off, interface down,
+/// or nothing sent for `link_timeout`) all of it is discarded and transfers fail with `network_down`: nothing that was
+/// meant for before the trouble is sent after it.
 class Master final : public Station {
  public:
   struct Options {
@@ -66,9 +66,10 @@ class Master final : public Station {
   Result<> send_time(std::chrono::sys_time<std::chrono::milliseconds> time, Time now);
 
   // --- SDO -------------------------------------------------------------------------------------------------------
-  /// Read or write an object; `done` is called once, later. Transfers of one node follow each other in order, up to 64 of
-  /// them wait; those of several nodes go side by side. Fails as command() does.
-  Result<> upload(NodeId node, ObjectIndex object, SdoDone done, Time now, SdoTransfer transfer = SdoTransfer::standard);
+  /// Read or write an object; `done` is called once, later. Transfers of one node follow each other in order, up to 64
+  /// of them wait; those of several nodes go side by side. Fails as command() does.
+  Result<> upload(NodeId node, ObjectIndex object, SdoDone done, Time now,
+                  SdoTransfer transfer = SdoTransfer::standard);
   Result<> download(NodeId node, ObjectIndex object, Bytes data, SdoDone done, Time now,
                     SdoTransfer transfer = SdoTransfer::standard);
   /// Writes all in order and then reads back what asks for it; stops at the first error. One such a node at a time.
@@ -80,8 +81,8 @@ class Master final : public Station {
   using PdoHandler = std::function<void(ByteView bytes, Time now)>;
   /// Calls `handler` for each PDO with this 11-bit id. While setting up; up to 255.
   void on_pdo(std::uint32_t cob_id, PdoHandler handler);
-  /// A PDO that we send. While setting up. Of `synchronous` ones, what was set between two SYNCs goes out together behind
-  /// the second, and takes effect in all nodes together with the third.
+  /// A PDO that we send. While setting up. Of `synchronous` ones, what was set between two SYNCs goes out together
+  /// behind the second, and takes effect in all nodes together with the third.
   std::size_t add_pdo(std::uint32_t cob_id, std::uint8_t size, bool synchronous);
   /// Sends it, or has it replace what waits. Fails with `network_down`: then nothing is kept.
   Result<> send_pdo(std::size_t pdo, std::span<const std::uint8_t, 8> bytes, Time now);
@@ -98,10 +99,10 @@ class Master final : public Station {
     std::uint64_t sent = 0;
     std::uint64_t received = 0;
     std::uint64_t error_frames = 0;
-    std::uint64_t saturated = 0;        ///< times that the bus took no frame
-    std::uint64_t replaced_pdos = 0;    ///< by a newer one, before they were sent
-    std::uint64_t discarded = 0;        ///< frames, because the bus broke
-    std::uint64_t late_pdos = 0;        ///< synchronous, that missed the window
+    std::uint64_t saturated = 0;                  ///< times that the bus took no frame
+    std::uint64_t replaced_pdos = 0;              ///< by a newer one, before they were sent
+    std::uint64_t discarded = 0;                  ///< frames, because the bus broke
+    std::uint64_t late_pdos = 0;                  ///< synchronous, that missed the window
     std::optional<std::uint8_t> transmit_errors;  ///< of the controller, where it tells
     std::optional<std::uint8_t> receive_errors;
   };

@@ -59,7 +59,7 @@ class NodeMonitor {
   Options options_;
   std::optional<NmtState> state_;
   std::optional<Time> last_heard_;
-  std::optional<bool> toggle_;  ///< that the next answer of a guarded node is to have
+  std::optional<bool> toggle_;    ///< that the next answer of a guarded node is to have
   std::optional<Time> deadline_;  ///< of the next heartbeat
   Time ask_at_ = Time::min();
   int unanswered_ = 0;

@@ -41,8 +41,8 @@ enum class DataType : std::uint16_t {
 std::size_t size_of(DataType type);
 bool is_signed(DataType type);
 
-/// Bytes from text: numbers in decimal, hex (0x) or octal (0), reals, strings as they stand, other types as pairs of hex
-/// digits. Fails with `invalid_argument` or `result_out_of_range`, and says why.
+/// Bytes from text: numbers in decimal, hex (0x) or octal (0), reals, strings as they stand, other types as pairs of
+/// hex digits. Fails with `invalid_argument` or `result_out_of_range`, and says why.
 Result<Bytes> encode(DataType type, std::string_view text);
 /// The other way; for people. Bytes of the wrong length are shown as hex.
 std::string format(DataType type, ByteView bytes);
@@ -55,8 +55,8 @@ struct ObjectEntry {
   DataType type = DataType::unsigned32;
   Access access = Access::read_write;
   bool mappable = false;
-  Bytes value{};                             ///< the default
-  std::optional<Bytes> configured{};         ///< what a DCF sets
+  Bytes value{};                              ///< the default
+  std::optional<Bytes> configured{};          ///< what a DCF sets
   std::optional<std::int64_t> low{}, high{};  ///< limits of an integer
 
   [[nodiscard]] bool readable() const { return access != Access::write_only; }
@@ -66,14 +66,14 @@ struct ObjectEntry {
 /// The objects of a kind of device, as an EDS describes them, or of one device, as a DCF does.
 struct ObjectDictionary {
   std::map<ObjectIndex, ObjectEntry> objects;
-  std::string vendor;   ///< for people
+  std::string vendor;  ///< for people
   std::string product;
   std::optional<NodeId> node;     ///< of a DCF
   std::optional<int> bit_rate{};  ///< [bit/s], of a DCF
 
   [[nodiscard]] const ObjectEntry* find(ObjectIndex object) const;
-  /// By name, by "6040" or "0x6040", "6040:0" or "1018:01" (both hexadecimal). A name may be the last part of one, in any
-  /// case, if only one object has it. Fails with `invalid_argument`, and says what was meant perhaps.
+  /// By name, by "6040" or "0x6040", "6040:0" or "1018:01" (both hexadecimal). A name may be the last part of one, in
+  /// any case, if only one object has it. Fails with `invalid_argument`, and says what was meant perhaps.
   [[nodiscard]] Result<ObjectIndex> parse(std::string_view text) const;
   /// What a DCF sets, in the order of indices, but each PDO switched off while it is set up.
   [[nodiscard]] std::vector<SdoWrite> configuration() const;

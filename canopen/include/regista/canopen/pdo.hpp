@@ -63,13 +63,13 @@ inline constexpr std::uint8_t event = 255;
 /// What is empty is not written: many nodes lack these entries.
 struct PdoSettings {
   PdoDirection direction = PdoDirection::receive;
-  int number = 1;           ///< 1 to 512
+  int number = 1;            ///< 1 to 512
   std::uint32_t cob_id = 0;  ///< 11 bits; 0: as in the pre-defined connection set (numbers 1 to 4)
   std::uint8_t transmission = transmission::event;
   std::optional<std::uint16_t> inhibit_100us{};   ///< of a transmit PDO: the shortest time between two
   std::optional<std::uint16_t> event_timer_ms{};  ///< transmit: at least so often; receive: the deadline
   std::optional<std::uint8_t> sync_start{};       ///< counter of the SYNC to begin with
-  bool remote_allowed = false;                  ///< of a transmit PDO: may be asked for by a remote frame
+  bool remote_allowed = false;                    ///< of a transmit PDO: may be asked for by a remote frame
   PdoMapping mapping{};
 
   [[nodiscard]] std::uint32_t effective_cob_id(NodeId node) const;
@@ -88,8 +88,8 @@ SdoWrite sdo_write(ObjectIndex object, T value) {
   return {object, le_bytes(static_cast<std::uint64_t>(value), sizeof(T))};
 }
 
-/// The writes that set a PDO up, in the order that CiA 301 asks for (7.5.2.36): switch off, parameters, mapping to zero,
-/// map, number of objects, switch on.
+/// The writes that set a PDO up, in the order that CiA 301 asks for (7.5.2.36): switch off, parameters, mapping to
+/// zero, map, number of objects, switch on.
 std::vector<SdoWrite> pdo_writes(NodeId node, const PdoSettings& settings);
 /// The one write that switches a PDO off.
 SdoWrite pdo_off(NodeId node, PdoDirection direction, int number);

@@ -42,7 +42,8 @@ enum class SdoAbort : std::uint32_t {
   no_data = 0x08000024,
 };
 
-/// Its messages are "SDO abort 0x06010002: the object is read-only"; codes that CiA 301 does not know keep their number.
+/// Its messages are "SDO abort 0x06010002: the object is read-only"; codes that CiA 301 does not know keep their
+/// number.
 const std::error_category& sdo_category() noexcept;
 inline std::error_code make_error_code(SdoAbort code) { return {static_cast<int>(code), sdo_category()}; }
 

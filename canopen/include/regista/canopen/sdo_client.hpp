@@ -34,7 +34,7 @@ class SdoClient {
   /// Read or write one object. Only when not busy. `done` may start the next transfer.
   void upload(ObjectIndex object, SdoTransfer transfer, SdoDone done, Time now);
   void download(ObjectIndex object, Bytes data, SdoTransfer transfer, SdoDone done, Time now);
-  /// Breaks the transfer off, with an abort frame to the node.
+  /// Breaks the transfer off without telling the node: for when there is no bus any more.
   void cancel(const Error& why, Time now);
 
   /// Of the node's answers; all other frames are disregarded.
@@ -90,7 +90,7 @@ class SdoClient {
   NodeId server_;
   Options options_;
   State state_ = State::idle;
-  State next_state_ = State::idle;       ///< when the channel has settled
+  State next_state_ = State::idle;        ///< when the channel has settled
   std::optional<ObjectIndex> answer_to_;  ///< settling: the late answer that would end it
   Time quiet_until_ = Time::min();
   Time deadline_ = Time::max();

@@ -13,7 +13,8 @@ class SdoObjects {
   virtual Result<> write_object(ObjectIndex object, ByteView data) = 0;
 };
 
-/// The server's end of an SDO channel: expedited, segmented and block, both ways (CiA 301, 7.2.4). For simulated drives.
+/// The server's end of an SDO channel: expedited, segmented and block, both ways (CiA 301, 7.2.4). For simulated
+/// drives.
 class SdoServer {
  public:
   struct Options {

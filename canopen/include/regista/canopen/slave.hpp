@@ -12,12 +12,13 @@
 
 namespace regista::canopen {
 
-/// A node with an object dictionary, for simulated drives: NMT, heartbeat both ways, node guarding, SDO server, PDOs of all
-/// kinds as the dictionary has them (1400 to 1BFF), SYNC, EMCY and LSS. Passive, as the Master is.
+/// A node with an object dictionary, for simulated drives: NMT, heartbeat both ways, node guarding, SDO server, PDOs of
+/// all kinds as the dictionary has them (1400 to 1BFF), SYNC, EMCY and LSS. Passive, as the Master is.
 class Slave final : public Station, SdoObjects {
  public:
   struct Events {
-    /// An object was written, by SDO or PDO; it has the new value. An SdoAbort refuses it: then it has the old one again.
+    /// An object was written, by SDO or PDO; it has the new value. An SdoAbort refuses it: then it has the old one
+    /// again.
     std::function<std::optional<SdoAbort>(ObjectIndex, ByteView)> written;
     /// An object is about to be read, by SDO or for a PDO: time to set() it.
     std::function<void(ObjectIndex)> reading;

@@ -16,8 +16,8 @@ class SocketCan final : public CanBus {
     std::uint32_t mask = 0;
     bool extended = false;
   };
-  /// The kernel drops what passes none of `filters`; without any, all frames come, as do error frames in either case. Fails
-  /// as the system does, with the interface's name.
+  /// The kernel drops what passes none of `filters`; without any, all frames come, as do error frames in either case.
+  /// Fails as the system does, with the interface's name.
   static Result<std::unique_ptr<SocketCan>> open(const std::string& interface, std::span<const Filter> filters = {});
   ~SocketCan() override;
   SocketCan(const SocketCan&) = delete;

@@ -7,8 +7,8 @@
 
 namespace regista::canopen {
 
-/// A bus of another machine, through its socketcand (TCP, raw mode; doc/protocol.md of linux-can/socketcand). It carries
-/// neither remote frames nor the contents of error frames.
+/// A bus of another machine, through its socketcand (TCP, raw mode; doc/protocol.md of linux-can/socketcand). It
+/// carries neither remote frames nor the contents of error frames.
 class SocketCand final : public CanBus {
  public:
   /// Blocks for up to `timeout`. Fails as the network does, or with what the daemon said.

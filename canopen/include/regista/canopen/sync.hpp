@@ -10,9 +10,9 @@ namespace regista::canopen {
 class SyncProducer {
  public:
   struct Options {
-    Duration period{};               ///< object 1006; 0: no SYNC
+    Duration period{};                  ///< object 1006; 0: no SYNC
     std::uint8_t counter_overflow = 0;  ///< object 1019: 2 to 240, or 0 for a SYNC without counter
-    Duration window{};               ///< object 1007: for so long after a SYNC synchronous PDOs may go; 0: always
+    Duration window{};                  ///< object 1007: for so long after a SYNC synchronous PDOs may go; 0: always
   };
   /// Throws std::invalid_argument on an overflow value of 1 or above 240.
   explicit SyncProducer(const Options& options);
@@ -20,7 +20,9 @@ class SyncProducer {
   /// The SYNC, when it is due.
   std::optional<CanFrame> on_time(Time now);
   [[nodiscard]] Time next_wake() const { return options_.period > Duration::zero() ? next_ : Time::max(); }
-  [[nodiscard]] bool in_window(Time now) const { return options_.window == Duration::zero() || now - last_ <= options_.window; }
+  [[nodiscard]] bool in_window(Time now) const {
+    return options_.window == Duration::zero() || now - last_ <= options_.window;
+  }
   [[nodiscard]] std::uint64_t missed() const { return missed_; }  ///< beats that were left out
   [[nodiscard]] const Options& options() const { return options_; }
 
