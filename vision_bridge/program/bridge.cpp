@@ -100,8 +100,8 @@ void Bridge::listen(ssl::LogType type, const ssl::Group& group) {
       streams_.emplace_back(Stream{type, ssl::MulticastReceiver{group, config_.interfaces}}).receiver;
   std::string names;
   for (const std::string& name : receiver.joined()) names += (names.empty() ? "" : ", ") + name;
-  log_(LogLevel::info, "listening to " + group.address + ':' + std::to_string(group.port) + " on " +
-                           (names.empty() ? "no interface: none is up that can multicast" : names));
+  log_(LogLevel::info, "listening to " + group.address + ':' + std::to_string(group.port) +
+                           (names.empty() ? ", joined on no interface" : " on " + names));
 }
 
 void Bridge::stop() noexcept { (void)::eventfd_write(stop_.get(), 1); }
