@@ -91,9 +91,7 @@ ordered_json Server::Impl::status(Time now) const {
           {"drivers", std::move(drivers)}};
 }
 
-std::string Server::Impl::metrics(Time now) const {
-  return prometheus_text("regista", status(now).dump());
-}
+std::string Server::Impl::metrics(Time now) const { return prometheus_text("regista", status(now).dump()); }
 
 void Server::Impl::serve_metrics(asio::ip::tcp::socket socket) {
   // One answer to whatever is asked; HTTP/1.0 (RFC 1945) is enough for a scraper.

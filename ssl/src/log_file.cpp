@@ -48,9 +48,8 @@ LogReader::LogReader(const std::filesystem::path& file) : file_{file, std::ios::
 
 Result<std::optional<LogRecord>> LogReader::next() {
   if (file_.peek() == std::char_traits<char>::eof()) return std::optional<LogRecord>{};
-  LogRecord record{.received_ns = get<std::int64_t>(file_),
-                   .type = static_cast<LogType>(get<std::int32_t>(file_)),
-                   .datagram = {}};
+  LogRecord record{
+      .received_ns = get<std::int64_t>(file_), .type = static_cast<LogType>(get<std::int32_t>(file_)), .datagram = {}};
   const auto size = get<std::int32_t>(file_);
   // What indexed files end with is longer than a datagram, and for those who jump about.
   if (file_ && record.type == LogType::index) return std::optional<LogRecord>{};

@@ -59,7 +59,9 @@ bool take_detection(const proto::DetectionFrame& frame, Detection& out) {
   out.robots.clear();
   out.balls.clear();
   out.unusable = 0;
-  if (!frame.has_t_capture_s() || !std::isfinite(out.t_capture_s) || !std::isfinite(out.t_sent_s)) return false;
+  constexpr double latest_s = 1e12;  // in 30 000 years: what is beyond is a broken double
+  if (!frame.has_t_capture_s() || !(std::abs(out.t_capture_s) < latest_s) || !(std::abs(out.t_sent_s) < latest_s))
+    return false;
   take_robots(frame.yellow(), Team::yellow, out);
   take_robots(frame.blue(), Team::blue, out);
   for (const proto::DetectedBall& ball : frame.balls()) {
@@ -203,8 +205,7 @@ Result<TrackedFrame> decode_tracked(std::span<const std::byte> datagram) {
     TrackedRobot& out = frame.robots.emplace_back();
     out.id = {robot.id().team() == 1 ? Team::yellow : Team::blue, static_cast<std::uint8_t>(robot.id().number())};
     out.pose = {.x = pose.x, .y = pose.y, .heading = wrap_angle(pose.heading)};
-    const FieldVelocity velocity{
-        .x = robot.velocity().x(), .y = robot.velocity().y(), .w = robot.turn_rate_radps()};
+    const FieldVelocity velocity{.x = robot.velocity().x(), .y = robot.velocity().y(), .w = robot.turn_rate_radps()};
     if (robot.has_velocity() && is_on_earth(velocity.x, velocity.y) && std::isfinite(velocity.w))
       out.velocity = velocity;
     if (robot.has_visibility()) out.visibility = share(robot.visibility());

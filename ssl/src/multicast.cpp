@@ -26,17 +26,19 @@ std::string to_string(const Group& group) { return group.address + ':' + std::to
 
 in_addr address_of(const Group& group) {
   in_addr address{};
-  if (::inet_pton(AF_INET, group.address.c_str(), &address) != 1 || !IN_MULTICAST(ntohl(address.s_addr)))
-    throw failure(EINVAL, group.address + " is no multicast address, such as 224.5.23.2");
+  if (::inet_pton(AF_INET, group.address.c_str(), &address) != 1)
+    throw failure(EINVAL, "'" + group.address + "' is no address, such as 224.5.23.2");
   return address;
 }
+
+bool is_multicast(const in_addr& address) { return IN_MULTICAST(ntohl(address.s_addr)); }
 
 template <typename T>
 int set_option(int socket, int level, int option, const T& value) {
   return ::setsockopt(socket, level, option, &value, sizeof value);
 }
 
-/// Interfaces with an IPv4 address that are up and can multicast; lo counts as able, which on Linux it is.
+/// Interfaces with an IPv4 address that are up and can multicast, without lo.
 std::vector<std::string> multicast_interfaces() {
   std::vector<std::string> names;
   ifaddrs* list = nullptr;
@@ -82,16 +84,18 @@ MulticastReceiver::MulticastReceiver(Group group, std::vector<std::string> inter
     if (::if_nametoindex(name.c_str()) == 0) throw failure(errno, "network interface '" + name + "'");
   }
   join_new();
-  if (!wanted_.empty() && joined_.empty())
+  if (!wanted_.empty() && joined_.empty() && is_multicast(address))
     throw failure(errno, "cannot join " + to_string(group_) + " on '" + wanted_.front() + "'");
 }
 
 void MulticastReceiver::join_new() {
+  const in_addr address = address_of(group_);
+  if (!is_multicast(address)) return;
   for (const std::string& name : wanted_.empty() ? multicast_interfaces() : wanted_) {
     const int index = static_cast<int>(::if_nametoindex(name.c_str()));
     if (index == 0 || std::ranges::find(joined_, index, &Membership::index) != joined_.end()) continue;
     const ip_mreqn membership{
-        .imr_multiaddr = address_of(group_), .imr_address = {.s_addr = INADDR_ANY}, .imr_ifindex = index};
+        .imr_multiaddr = address, .imr_address = {.s_addr = INADDR_ANY}, .imr_ifindex = index};
     if (set_option(socket_.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) == 0) joined_.push_back({index, name});
   }
 }

@@ -23,23 +23,23 @@ std::vector<std::byte> bytes(std::initializer_list<int> values) {
 // Written by hand from the league's field numbers and the encoding of protocol buffers: tag = number << 3 | type, where
 // 0 is a varint, 1 eight bytes, 2 counted bytes, 5 four bytes; little-endian.
 const auto detection_by_hand = bytes({
-    0x0A, 0x4C,                                            // 1: detection, 76 bytes
-    0x08, 0xB1, 0x38,                                      // 1: frame_number 7217
-    0x11, 0, 0, 0, 0, 0, 0, 0x24, 0x40,                    // 2: t_capture 10.0
-    0x19, 0, 0, 0, 0, 0, 0x80, 0x24, 0x40,                 // 3: t_sent 10.25
-    0x20, 0x03,                                            // 4: camera_id 3
-    0x2A, 0x0F,                                            // 5: ball, 15 bytes
-    0x0D, 0, 0, 0x80, 0x3F,                                //    1: confidence 1
-    0x1D, 0, 0, 0x7A, 0x44,                                //    3: x 1000 mm
-    0x25, 0, 0, 0xFA, 0xC3,                                //    4: y -500 mm
-    0x32, 0x20,                                            // 6: yellow robot, 32 bytes
-    0x0D, 0, 0, 0, 0x3F,                                   //    1: confidence 0.5
-    0x10, 0x0B,                                            //    2: robot_id 11
-    0x1D, 0, 0, 0xFA, 0x44,                                //    3: x 2000 mm
-    0x25, 0, 0, 0x7A, 0x44,                                //    4: y 1000 mm
-    0x2D, 0, 0, 0xC0, 0x3F,                                //    5: orientation 1.5
-    0x35, 0, 0, 0, 0, 0x3D, 0, 0, 0, 0,                    //    6, 7: pixels
-    0x3A, 0x00,                                            // 7: blue robot of which nothing is known
+    0x0A, 0x4C,                                               // 1: detection, 76 bytes
+    0x08, 0xB1, 0x38,                                         // 1: frame_number 7217
+    0x11, 0,    0,    0,    0,    0,    0,    0x24, 0x40,     // 2: t_capture 10.0
+    0x19, 0,    0,    0,    0,    0,    0x80, 0x24, 0x40,     // 3: t_sent 10.25
+    0x20, 0x03,                                               // 4: camera_id 3
+    0x2A, 0x0F,                                               // 5: ball, 15 bytes
+    0x0D, 0,    0,    0x80, 0x3F,                             //    1: confidence 1
+    0x1D, 0,    0,    0x7A, 0x44,                             //    3: x 1000 mm
+    0x25, 0,    0,    0xFA, 0xC3,                             //    4: y -500 mm
+    0x32, 0x20,                                               // 6: yellow robot, 32 bytes
+    0x0D, 0,    0,    0,    0x3F,                             //    1: confidence 0.5
+    0x10, 0x0B,                                               //    2: robot_id 11
+    0x1D, 0,    0,    0xFA, 0x44,                             //    3: x 2000 mm
+    0x25, 0,    0,    0x7A, 0x44,                             //    4: y 1000 mm
+    0x2D, 0,    0,    0xC0, 0x3F,                             //    5: orientation 1.5
+    0x35, 0,    0,    0,    0,    0x3D, 0,    0,    0,    0,  //    6, 7: pixels
+    0x3A, 0x00,                                               // 7: blue robot of which nothing is known
 });
 
 TEST(VisionPacket, is_read_as_the_league_writes_it) {
@@ -130,13 +130,12 @@ TEST(Referee, is_read_as_the_league_writes_it) {
 }
 
 TEST(TrackedFrame, is_read_as_the_league_writes_it) {
-  // 1: uuid "u", 2: source_name "s", 3: frame { 1: 5, 2: 10.0, 4: robot { 1: { 1: 3, 2: 2 (blue) }, 2: { 1: 1.5, 2: -2 },
-  // 3: 0.5, 4: { 1: 1, 2: 0 } } }
-  const auto packet = bytes({0x0A, 1, 'u', 0x12, 1, 's', 0x1A, 0x30, 0x08, 5, 0x11, 0, 0, 0, 0, 0, 0, 0x24, 0x40,
-                             0x22, 0x23, 0x0A, 4, 0x08, 3, 0x10, 2,
-                             0x12, 10, 0x0D, 0, 0, 0xC0, 0x3F, 0x15, 0, 0, 0, 0xC0,
-                             0x1D, 0, 0, 0, 0x3F,
-                             0x22, 10, 0x0D, 0, 0, 0x80, 0x3F, 0x15, 0, 0, 0, 0});
+  // 1: uuid "u", 2: source_name "s", 3: frame { 1: 5, 2: 10.0, 4: robot { 1: { 1: 3, 2: 2 (blue) }, 2: { 1: 1.5, 2: -2
+  // }, 3: 0.5, 4: { 1: 1, 2: 0 } } }
+  const auto packet = bytes({0x0A, 1,    'u',  0x12, 1,    's',  0x1A, 0x30, 0x08, 5,    0x11, 0,    0, 0,
+                             0,    0,    0,    0x24, 0x40, 0x22, 0x23, 0x0A, 4,    0x08, 3,    0x10, 2, 0x12,
+                             10,   0x0D, 0,    0,    0xC0, 0x3F, 0x15, 0,    0,    0,    0xC0, 0x1D, 0, 0,
+                             0,    0x3F, 0x22, 10,   0x0D, 0,    0,    0x80, 0x3F, 0x15, 0,    0,    0, 0});
   const auto frame = decode_tracked(packet);
   ASSERT_TRUE(frame) << frame.error().message();
   EXPECT_EQ(frame->uuid, "u");

@@ -27,10 +27,10 @@ struct SyntheticField {
   double noise_rad = 0.006;
   double missing = 0.02;
   double flips = 0;
-  double clock_offset_s = 0;   ///< of the vision computer's
-  double clock_rate = 1;       ///< how fast it runs
+  double clock_offset_s = 0;  ///< of the vision computer's
+  double clock_rate = 1;      ///< how fast it runs
   double processing_s = 0.008;
-  double jitter_s = 0.0002;    ///< of the network: mean of what it adds, exponentially distributed
+  double jitter_s = 0.0002;  ///< of the network: mean of what it adds, exponentially distributed
   std::function<void(ssl::Detection&, double t)> spoil{};  ///< any other fault
 
   Tracker tracker{{}};

@@ -20,8 +20,10 @@ SyntheticField::Truth standing(const Pose2d& pose) {
 /// Eleven a side, on a grid.
 void line_up(SyntheticField& field) {
   for (std::uint8_t number = 0; number < 11; ++number) {
-    field.robots[yellow(number)] = standing({.x = -3 + 0.5 * number, .y = 1.0 + 0.1 * number, .heading = 0.6 * number - 3});
-    field.robots[blue(number)] = standing({.x = 3.2 - 0.5 * number, .y = -0.8 - 0.1 * number, .heading = 3 - 0.6 * number});
+    field.robots[yellow(number)] =
+        standing({.x = -3 + 0.5 * number, .y = 1.0 + 0.1 * number, .heading = 0.6 * number - 3});
+    field.robots[blue(number)] =
+        standing({.x = 3.2 - 0.5 * number, .y = -0.8 - 0.1 * number, .heading = 3 - 0.6 * number});
   }
 }
 
@@ -59,7 +61,8 @@ Deviation worst_at_rest(SyntheticField& field, double seconds) {
   });
   Deviation worst;
   for (const auto& [id, s] : all) {
-    worst.m = std::max({worst.m, std::sqrt(s.xx / s.n - s.x * s.x / s.n / s.n), std::sqrt(s.yy / s.n - s.y * s.y / s.n / s.n)});
+    worst.m = std::max(
+        {worst.m, std::sqrt(s.xx / s.n - s.x * s.x / s.n / s.n), std::sqrt(s.yy / s.n - s.y * s.y / s.n / s.n)});
     worst.rad = std::max(worst.rad, std::sqrt(s.hh / s.n - s.h * s.h / s.n / s.n));
   }
   EXPECT_EQ(all.size(), field.robots.size());
@@ -71,9 +74,9 @@ TEST(Tracker, keeps_robots_at_rest_within_a_millimetre_whatever_the_noise) {
     const char* name;
     double m, rad;
   };
-  for (const auto& [name, m, rad] : {Case{"none", 0, 0}, Case{"league simulators", 0.0013, 0.010},
-                                     Case{"well calibrated", 0.002, 0.006}, Case{"vibrating", 0.004, 0.010},
-                                     Case{"grSim", 0.003, 2 * std::numbers::pi / 180}}) {
+  for (const auto& [name, m, rad] :
+       {Case{"none", 0, 0}, Case{"league simulators", 0.0013, 0.010}, Case{"well calibrated", 0.002, 0.006},
+        Case{"vibrating", 0.004, 0.010}, Case{"grSim", 0.003, 2 * std::numbers::pi / 180}}) {
     SyntheticField field{.noise_m = m, .noise_rad = rad};
     line_up(field);
     field.run(1);
@@ -325,7 +328,8 @@ TEST(Tracker, counts_duplicates_and_does_not_believe_them_twice) {
                              .t_capture_s = field.t,
                              .t_sent_s = field.t + field.processing_s,
                              .robots = {{.id = yellow(0), .x_m = 3, .y_m = 3, .heading_rad = 0}}};
-  for (int i = 0; i < 10; ++i) EXPECT_EQ(field.tracker.take(again, 1, SyntheticField::at(field.t + 0.01)), Verdict::duplicate);
+  for (int i = 0; i < 10; ++i)
+    EXPECT_EQ(field.tracker.take(again, 1, SyntheticField::at(field.t + 0.01)), Verdict::duplicate);
   EXPECT_LT(position_error(field, yellow(0), field.t), 0.001);
   EXPECT_EQ(field.tracker.cameras(SyntheticField::at(field.t)).at(0).duplicates, 10U);
 }

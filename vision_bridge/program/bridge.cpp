@@ -81,7 +81,8 @@ Bridge::Bridge(BridgeConfig config, const Options& options, Log log)
   for (const std::string& interface : config_.publish) publishers_.emplace_back(config_.tracked, interface);
   if (options.record) recorder_ = std::make_unique<Recorder>(*options.record);
   if (config_.status_port) {
-    status_server_ = std::make_unique<StatusServer>(*config_.status_port, [this] { return status(Clock::now()).dump(); });
+    status_server_ =
+        std::make_unique<StatusServer>(*config_.status_port, [this] { return status(Clock::now()).dump(); });
     log_(LogLevel::info, "status on http://127.0.0.1:" + std::to_string(status_server_->port()) + "/");
   }
   for (const RobotAddress& address : config_.robots) {
@@ -99,8 +100,8 @@ void Bridge::listen(ssl::LogType type, const ssl::Group& group) {
       streams_.emplace_back(Stream{type, ssl::MulticastReceiver{group, config_.interfaces}}).receiver;
   std::string names;
   for (const std::string& name : receiver.joined()) names += (names.empty() ? "" : ", ") + name;
-  log_(LogLevel::info, "listening to " + group.address + ':' + std::to_string(group.port) + " on " +
-                           (names.empty() ? "no interface: none is up that can multicast" : names));
+  log_(LogLevel::info, "listening to " + group.address + ':' + std::to_string(group.port) +
+                           (names.empty() ? ", joined on no interface" : " on " + names));
 }
 
 void Bridge::stop() noexcept { (void)::eventfd_write(stop_.get(), 1); }
@@ -122,7 +123,8 @@ void Bridge::run() {
   std::vector<pollfd> polls;
   for (;;) {
     polls.assign(1, {.fd = stop_.get(), .events = POLLIN, .revents = 0});
-    for (const Stream& stream : streams_) polls.push_back({.fd = stream.receiver.fileno(), .events = POLLIN, .revents = 0});
+    for (const Stream& stream : streams_)
+      polls.push_back({.fd = stream.receiver.fileno(), .events = POLLIN, .revents = 0});
     const std::size_t first_link = polls.size();
     for (const RobotLink& link : links_) polls.push_back(link.poll());
     const std::size_t first_status = polls.size();
@@ -131,7 +133,8 @@ void Bridge::run() {
     Time wake = checked_ + check_period;
     for (const RobotLink& link : links_) wake = std::min(wake, link.wake_time());
     if (referee_ && referee_->command == ssl::Command::halt) wake = std::min(wake, halted_again_ + halt_period);
-    if (next_record_) wake = std::min(wake, Time{std::chrono::nanoseconds{next_record_->received_ns + replay_offset_ns_}});
+    if (next_record_)
+      wake = std::min(wake, Time{std::chrono::nanoseconds{next_record_->received_ns + replay_offset_ns_}});
     const Duration left = std::max(wake - Clock::now(), Duration{});
     const timespec timeout{.tv_sec = left / 1s, .tv_nsec = (left % 1s).count()};
     (void)::ppoll(polls.data(), polls.size(), &timeout, nullptr);
@@ -306,7 +309,8 @@ void Bridge::publish(Time now) {
       const auto robot = tracker_.predict({team, number}, now);
       if (!robot) continue;
       ssl::TrackedRobot& out = frame.robots.emplace_back();
-      out = {.id = robot->id, .pose = robot->pose, .velocity = robot->velocity, .visibility = visibility(robot->unseen)};
+      out = {
+          .id = robot->id, .pose = robot->pose, .velocity = robot->velocity, .visibility = visibility(robot->unseen)};
     }
   }
   if (const auto ball = tracker_.predict_ball(now)) {
@@ -332,7 +336,8 @@ void Bridge::announce_cameras(Time now) {
       names += (names.empty() ? "" : ", ") + (replay_ ? "the log" : ssl::interface_name_of(index));
     const std::string name = "camera " + std::to_string(camera.id);
     if (speaks) {
-      log_(LogLevel::info, name + ": " + rounded(camera.rate_hz) + " Hz from " + text_of(camera.source) + " by " + names);
+      log_(LogLevel::info,
+           name + ": " + rounded(camera.rate_hz) + " Hz from " + text_of(camera.source) + " by " + names);
     } else {
       log_(LogLevel::warning, name + " is silent");
     }
@@ -345,11 +350,14 @@ std::vector<std::string> Bridge::warnings(Time now) const {
   const auto cameras = tracker_.cameras(now);
   for (const CameraReport& camera : cameras) {
     const std::string name = "camera " + std::to_string(camera.id);
-    if (camera.rate_hz > 0 && camera.rate_hz < lowest_rate_hz) texts.push_back(name + " sends less than 50 frames a second");
-    if (camera.processing_s > longest_processing_s) texts.push_back(name + ": vision takes longer than 40 ms for a frame");
+    if (camera.rate_hz > 0 && camera.rate_hz < lowest_rate_hz)
+      texts.push_back(name + " sends less than 50 frames a second");
+    if (camera.processing_s > longest_processing_s)
+      texts.push_back(name + ": vision takes longer than 40 ms for a frame");
     if (camera.overlap_m > widest_overlap_m)
       texts.push_back(name + " disagrees with others by more than 50 mm: calibrate the cameras");
-    if (camera.foreign > 0) texts.push_back(name + " is sent by two computers; only " + text_of(camera.source) + " is believed");
+    if (camera.foreign > 0)
+      texts.push_back(name + " is sent by two computers; only " + text_of(camera.source) + " is believed");
   }
   if (old_geometry_) texts.emplace_back("the field's geometry comes in the layout of 2010");
   if (config_.input == BridgeConfig::Input::vision && cameras.empty() && !replay_ && now - started_ > 3s)
@@ -383,17 +391,17 @@ ordered_json Bridge::status(Time now) const {
   ordered_json robots = ordered_json::array();
   for (const RobotLink& link : links_) {
     const RobotLink::Counters& counters = link.counters();
-    ordered_json robot{{"id", to_string(link.address().id)},
-                       {"server", link.address().host + ':' + std::to_string(link.address().port)},
-                       {"connected", link.connected()},
-                       {"connects", counters.connects},
-                       {"sent", counters.sent},
-                       {"superseded", counters.superseded},
-                       {"unsent", counters.unsent},
-                       {"halts", counters.halts},
-                       {"age_ms", {{"p50", 1e3 * link.ages_s().at(0.5)}, {"p99", 1e3 * link.ages_s().at(0.99)}}},
-                       {"latency_us",
-                        {{"p50", 1e6 * link.latencies_s().at(0.5)}, {"p99", 1e6 * link.latencies_s().at(0.99)}}}};
+    ordered_json robot{
+        {"id", to_string(link.address().id)},
+        {"server", link.address().host + ':' + std::to_string(link.address().port)},
+        {"connected", link.connected()},
+        {"connects", counters.connects},
+        {"sent", counters.sent},
+        {"superseded", counters.superseded},
+        {"unsent", counters.unsent},
+        {"halts", counters.halts},
+        {"age_ms", {{"p50", 1e3 * link.ages_s().at(0.5)}, {"p99", 1e3 * link.ages_s().at(0.99)}}},
+        {"latency_us", {{"p50", 1e6 * link.latencies_s().at(0.5)}, {"p99", 1e6 * link.latencies_s().at(0.99)}}}};
     const auto estimate = tracker_.predict(link.address().id, now);
     robot["seen"] = estimate.has_value();
     if (estimate) {

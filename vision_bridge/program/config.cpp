@@ -58,7 +58,8 @@ BridgeConfig read_bridge_config(const std::filesystem::path& file) {
   std::optional<Place> vision;
   for (const Section& section : read_sections(file, types)) {
     if (section.type() == "vision") {
-      if (vision) throw ConfigError{section.place(), "a second section 'vision'; the first is at " + to_string(*vision)};
+      if (vision)
+        throw ConfigError{section.place(), "a second section 'vision'; the first is at " + to_string(*vision)};
       vision = section.place();
       read_vision(section, config);
       continue;

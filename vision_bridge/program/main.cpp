@@ -81,7 +81,8 @@ int main(int argc, char** argv) {
                  "Network interfaces to listen on, such as eth0 or lo, instead of the configuration's (all but lo)")
       ->allow_extra_args(false);
   auto* record = app.add_option("--record", arguments.record, "Write all that is heard into a log file of the league");
-  app.add_option("--replay", arguments.replay, "Take a log file of the league for the network, at its own speed, and end")
+  app.add_option("--replay", arguments.replay,
+                 "Take a log file of the league for the network, at its own speed, and end")
       ->excludes(record);
   app.add_option("--log-level", arguments.log_level, "info, warning or off")
       ->check(CLI::IsMember({"info", "warning", "off"}));

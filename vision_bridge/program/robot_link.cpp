@@ -59,10 +59,9 @@ void RobotLink::flush() {
     ++counters_.superseded;
     return;
   }
-  const position2d::VelocityCommand command{
-      .velocity = {.x = pose.pose.x, .y = pose.pose.y, .w = pose.pose.heading},
-      .motors_on = 1,
-      .age_s = seconds(now - pose.captured)};
+  const position2d::VelocityCommand command{.velocity = {.x = pose.pose.x, .y = pose.pose.y, .w = pose.pose.heading},
+                                            .motors_on = 1,
+                                            .age_s = seconds(now - pose.captured)};
   if (const Result<> sent = connection_.send(device_, command); !sent) {
     ++counters_.unsent;
     return;

@@ -24,8 +24,8 @@ class Quantiles {
   std::size_t count_ = 0;
 };
 
-/// The way to one robot's server. Never blocks: what cannot be sent now is replaced by what comes next, and no more than
-/// one pose waits in the kernel. Connects again with back-off.
+/// The way to one robot's server. Never blocks: what cannot be sent now is replaced by what comes next, and no more
+/// than one pose waits in the kernel. Connects again with back-off.
 class RobotLink {
  public:
   using Log = std::function<void(bool is_warning, const std::string& text)>;

@@ -22,10 +22,8 @@ StatusServer::StatusServer(std::uint16_t port, Status status)
     : status_{std::move(status)}, listener_{::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)} {
   const int one = 1;
   (void)::setsockopt(listener_.get(), SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-  sockaddr_in address{.sin_family = AF_INET,
-                      .sin_port = htons(port),
-                      .sin_addr = {.s_addr = htonl(INADDR_LOOPBACK)},
-                      .sin_zero = {}};
+  sockaddr_in address{
+      .sin_family = AF_INET, .sin_port = htons(port), .sin_addr = {.s_addr = htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
   socklen_t size = sizeof address;
   if (::bind(listener_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
       ::listen(listener_.get(), 8) != 0 ||
@@ -38,7 +36,8 @@ StatusServer::StatusServer(std::uint16_t port, Status status)
 void StatusServer::add_polls(std::vector<pollfd>& polls) const {
   polls.push_back({.fd = listener_.get(), .events = POLLIN, .revents = 0});
   for (const Peer& peer : peers_)
-    polls.push_back({.fd = peer.socket.get(), .events = static_cast<short>(peer.answer.empty() ? POLLIN : POLLOUT), .revents = 0});
+    polls.push_back(
+        {.fd = peer.socket.get(), .events = static_cast<short>(peer.answer.empty() ? POLLIN : POLLOUT), .revents = 0});
 }
 
 void StatusServer::service() {

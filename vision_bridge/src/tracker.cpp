@@ -8,22 +8,22 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration source_silent = 200ms;   ///< then another may take its camera over
-constexpr Duration camera_gone = 10s;       ///< then its place is free
-constexpr Duration lifetime = 1s;           ///< of a robot or ball that nobody sees
+constexpr Duration source_silent = 200ms;  ///< then another may take its camera over
+constexpr Duration camera_gone = 10s;      ///< then its place is free
+constexpr Duration lifetime = 1s;          ///< of a robot or ball that nobody sees
 constexpr Duration longest_prediction = 250ms;
-constexpr Duration longest_mirrored = 1s;   ///< after that the field really is the other way round
-constexpr Duration late_enough = 50ms;      ///< older measurements are of no use
+constexpr Duration longest_mirrored = 1s;     ///< after that the field really is the other way round
+constexpr Duration late_enough = 50ms;        ///< older measurements are of no use
 constexpr Duration candidate_silent = 120ms;  ///< then it was nothing
 
-constexpr double gate_m = 0.05;          ///< within a frame even a robot that is hit stays within this …
+constexpr double gate_m = 0.05;             ///< within a frame even a robot that is hit stays within this …
 constexpr double new_camera_gate_m = 0.12;  ///< … for a camera whose offset is not known yet
-constexpr double gate_mps = 2;           ///< … and unseen it may have changed its speed by this
-constexpr double gate_rad = 0.5;         ///< a turn by 90° between frames is a misread pattern
+constexpr double gate_mps = 2;              ///< … and unseen it may have changed its speed by this
+constexpr double gate_rad = 0.5;            ///< a turn by 90° between frames is a misread pattern
 constexpr double gate_radps = 5;
 constexpr double widest_gate_rad = 1.2;
-constexpr double ball_gate_mps = 8;      ///< the league's limit is 6.5
-constexpr double fastest_mps = 6;        ///< of candidates, whose velocity is not known
+constexpr double ball_gate_mps = 8;  ///< the league's limit is 6.5
+constexpr double fastest_mps = 6;    ///< of candidates, whose velocity is not known
 constexpr double robot_radius_m = 0.09;
 
 double square(double value) { return value * value; }
@@ -37,9 +37,8 @@ using Angle = Fusion<1>::Value;
 
 Tracker::Tracker(const TrackerConfig& config)
     : config_{config},
-      robots_(max_robots, Robot{.position = Fusion<2>{config.position},
-                                .heading = Fusion<1>{config.heading},
-                                .candidate = {}}),
+      robots_(max_robots,
+              Robot{.position = Fusion<2>{config.position}, .heading = Fusion<1>{config.heading}, .candidate = {}}),
       ball_{.position = Fusion<2>{config.ball}, .candidate = {}} {
   corrected_.reserve(max_robots);
 }
@@ -164,8 +163,7 @@ void Tracker::take_robot(const ssl::DetectedRobot& seen, std::size_t camera, Tim
   }
   Robot& robot = robots_[index(seen.id)];
   if (robot.shown && now - robot.seen > lifetime) robot.shown = false;
-  if (robot.shown && correct(robot, seen, camera, now) &&
-      std::ranges::find(corrected_, seen.id) == corrected_.end())
+  if (robot.shown && correct(robot, seen, camera, now) && std::ranges::find(corrected_, seen.id) == corrected_.end())
     corrected_.push_back(seen.id);
   if (robot.shown && robot.seen_whole >= now) {
     learn_noise(cameras_[camera], robot.raw[camera], seen, now);
@@ -186,8 +184,7 @@ bool Tracker::correct(Robot& robot, const ssl::DetectedRobot& seen, std::size_t 
   // Of another camera, and a little older than what came last: moved on by the velocity.
   const double ahead = seconds(robot.at - now);
   const double sd = cameras_[camera].position_noise.sd();
-  const Point raw =
-      Point{seen.x_m, seen.y_m} + ahead * robot.position.velocity() - robot.position.value();
+  const Point raw = Point{seen.x_m, seen.y_m} + ahead * robot.position.velocity() - robot.position.value();
   const double off = (raw - robot.position.offset(camera)).norm();
   const double unseen = std::max(0.0, seconds(now - robot.seen));
   const double base = robot.position.knows(camera, now) ? gate_m : new_camera_gate_m;

@@ -34,7 +34,8 @@ class Descriptor {
   int number_;
 };
 
-/// Hears one multicast group on many network interfaces. Never blocks.
+/// Hears one multicast group on many network interfaces, or one address of this computer, such as 127.0.0.1, which some
+/// simulators send to. Never blocks.
 class MulticastReceiver {
  public:
   /// `interfaces`: by name, such as "eth0"; none: all that are up and can multicast, and not lo. Throws
@@ -42,7 +43,7 @@ class MulticastReceiver {
   MulticastReceiver(Group group, std::vector<std::string> interfaces);
 
   /// Join interfaces that have come up since. Those that went away are forgotten by the kernel. Cheap enough for every
-  /// few seconds. Nothing for named interfaces that are not there.
+  /// few seconds.
   void join_new();
 
   struct Datagram {

@@ -46,7 +46,7 @@ struct Geometry {
   double boundary_m = 0;  ///< around it
   std::vector<std::uint32_t> cameras{};
   std::optional<double> rolling_mps2{};  ///< how the ball loses speed when it rolls; positive
-  bool is_2010 = false;                ///< was in the layout that SSL-Vision used until 2013
+  bool is_2010 = false;                  ///< was in the layout that SSL-Vision used until 2013
 };
 
 struct VisionPacket {

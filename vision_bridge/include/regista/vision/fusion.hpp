@@ -14,9 +14,9 @@ inline constexpr std::size_t max_cameras = 16;
 
 /// How something moves that cameras look at.
 struct MotionModel {
-  double density;         ///< white noise on the acceleration, its power spectral density [unit²/s³]
-  double speed_sd;        ///< of what is seen anew, or was pushed [unit/s]
-  double rest_speed;      ///< slower than this, beside what noise makes of it, is at rest [unit/s]
+  double density;                ///< white noise on the acceleration, its power spectral density [unit²/s³]
+  double speed_sd;               ///< of what is seen anew, or was pushed [unit/s]
+  double rest_speed;             ///< slower than this, beside what noise makes of it, is at rest [unit/s]
   double time_constant_s = 0.5;  ///< of the mean that is taken at rest, and in which cameras come to agree
 };
 
@@ -81,8 +81,8 @@ class Fusion {
     return views_[camera].known && now - views_[camera].seen < forget_after;
   }
 
-  /// `raw`: measured, minus `value()`, wrapped where it is an angle. The offset is subtracted here. `now` is the time of
-  /// the measurement, as for predict().
+  /// `raw`: measured, minus `value()`, wrapped where it is an angle. The offset is subtracted here. `now` is the time
+  /// of the measurement, as for predict().
   void correct(const Value& raw, double sd, std::size_t camera, Time now) {
     View& view = views_[camera];
     if (!knows(camera, now)) view = {.offset = raw, .known = true};
@@ -101,8 +101,7 @@ class Fusion {
   [[nodiscard]] double disagreement(std::size_t camera, Time now) const {
     double most = 0;
     for (const View& view : views_) {
-      if (view.known && now - view.seen < present)
-        most = std::max(most, (view.offset - views_[camera].offset).norm());
+      if (view.known && now - view.seen < present) most = std::max(most, (view.offset - views_[camera].offset).norm());
     }
     return most;
   }

@@ -18,12 +18,12 @@ struct TrackerConfig {
   /// From the light to the camera's t_capture, and what else no time in the frames shows: SSL-Vision stamps the receipt
   /// of an image, ER-Force's simulator hides 25 ms.
   Duration delay = std::chrono::milliseconds{0};
-  MotionModel position{.density = 1, .speed_sd = 1.5, .rest_speed = 0.01};  ///< metres
+  MotionModel position{.density = 1, .speed_sd = 1.5, .rest_speed = 0.01};                        ///< metres
   MotionModel heading{.density = 20, .speed_sd = 8, .rest_speed = 0.05, .time_constant_s = 0.8};  ///< radians
-  MotionModel ball{.density = 4, .speed_sd = 4, .rest_speed = 0.01};        ///< metres
-  int frames_to_show = 5;        ///< that agree, before a robot is believed: in fewer there may be ghosts
-  double field_margin_m = 0.5;   ///< beyond the boundary nothing is believed
-  double rolling_mps2 = 0.35;    ///< what the ball loses, where the geometry does not tell
+  MotionModel ball{.density = 4, .speed_sd = 4, .rest_speed = 0.01};                              ///< metres
+  int frames_to_show = 5;       ///< that agree, before a robot is believed: in fewer there may be ghosts
+  double field_margin_m = 0.5;  ///< beyond the boundary nothing is believed
+  double rolling_mps2 = 0.35;   ///< what the ball loses, where the geometry does not tell
 };
 
 /// What became of a frame.
@@ -41,8 +41,8 @@ struct RobotEstimate {
   ssl::RobotId id;
   Pose2d pose;
   FieldVelocity velocity;
-  Time time;            ///< when the newest image of it was taken
-  Duration unseen{};    ///< how long before the time asked for that was
+  Time time;          ///< when the newest image of it was taken
+  Duration unseen{};  ///< how long before the time asked for that was
   bool resting = false;
 };
 
@@ -58,13 +58,13 @@ struct BallEstimate {
 struct CameraReport {
   std::uint32_t id = 0;
   std::uint64_t source = 0;
-  double rate_hz = 0;              ///< 0: silent for a second
-  double processing_s = 0;         ///< t_sent - t_capture
-  double noise_m = 0;              ///< standard deviation of each coordinate
+  double rate_hz = 0;       ///< 0: silent for a second
+  double processing_s = 0;  ///< t_sent - t_capture
+  double noise_m = 0;       ///< standard deviation of each coordinate
   double noise_rad = 0;
-  double overlap_m = 0;            ///< disagreement with other cameras about robots that both see
+  double overlap_m = 0;  ///< disagreement with other cameras about robots that both see
   std::uint64_t frames = 0;
-  std::uint64_t lost = 0;          ///< gaps in the frame numbers
+  std::uint64_t lost = 0;  ///< gaps in the frame numbers
   std::uint64_t duplicates = 0;
   std::uint64_t foreign = 0;
   std::uint64_t late = 0;
@@ -73,11 +73,11 @@ struct CameraReport {
 
 /// What was not believed.
 struct TrackerCounters {
-  std::uint64_t outliers = 0;       ///< robots where they cannot be
-  std::uint64_t flips = 0;          ///< headings that they cannot have
-  std::uint64_t misread = 0;        ///< robots that stand where another one does
+  std::uint64_t outliers = 0;  ///< robots where they cannot be
+  std::uint64_t flips = 0;     ///< headings that they cannot have
+  std::uint64_t misread = 0;   ///< robots that stand where another one does
   std::uint64_t out_of_field = 0;
-  std::uint64_t reacquired = 0;     ///< robots that really were elsewhere
+  std::uint64_t reacquired = 0;  ///< robots that really were elsewhere
   std::uint64_t too_many_cameras = 0;
 };
 
