@@ -161,7 +161,7 @@ def replay(
     velocities are sent to a robot instead."""
     source = Recording(file)
     cut = Cut(start, end, rate)
-    devices = list(dict.fromkeys(record.metadata["device"] for _, record in data_records(source, Cut())))
+    devices = sorted({record.metadata["device"] for _, record in data_records(source, Cut())})
     if not devices:
         common.fail(common.FAILED, f"{file} holds no data of devices; was it made by `regista record`?")
     with ends_on_signals():

@@ -155,13 +155,12 @@ class Recorder:
         while True:
             with self._condition:
                 self._condition.wait_for(lambda: self._queue or self._closing, timeout=self._patience())
-                items = list(self._queue)
-                self._queue.clear()
-                self._queued_bytes = 0
-                closing = self._closing and not items
-            for item in items:
+                item = self._queue.popleft() if self._queue else None
+                if item is not None:
+                    self._queued_bytes -= len(item[-1])
+            if item is not None:
                 self._write(*item)
-            if closing:
+            elif self._closing:
                 break
             if self._trouble is not None:
                 self._store()
