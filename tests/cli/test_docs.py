@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import BIN, REGISTA, ROOT, environment
+from command_line import BIN, REGISTA, ROOT, environment
 from regista.cli import manual
 
 PAGE = (ROOT / "docs/quick-start.md").read_text()

@@ -11,9 +11,8 @@ import time
 
 import jsonschema
 import pytest
-from conftest import wait_for
+from command_line import by_pypi, wait_for
 from mcap.reader import make_reader
-from mcap.stream_reader import StreamReader
 from regista import gps, opaque, position2d, power, recording
 from regista.recording import Channel, Recorder, Recording, foxglove
 
@@ -24,20 +23,6 @@ def fill(recorder, count, begin=0, step_ns=10_000_000):
     for i in range(begin, begin + count):
         time_ns = 1_000_000_000_000 + i * step_ns
         assert recorder.put(STATE, {"x": i * 0.1, "noise": random.Random(i).random()}, time_ns, time_ns + 1)
-
-
-def by_pypi(data):
-    """The messages that PyPI's own reader finds before it meets the end."""
-    from io import BytesIO
-
-    found = []
-    try:
-        for record in StreamReader(BytesIO(data), validate_crcs=True).records:
-            if type(record).__name__ == "Message":
-                found.append(record)
-    except Exception as error:
-        assert type(error).__module__.partition(".")[0] in ("mcap", "struct", "zstandard", "backports"), repr(error)
-    return found
 
 
 def test_a_whole_file_is_valid_and_indexed(tmp_path):

@@ -12,11 +12,10 @@ from xml.etree import ElementTree
 
 import pytest
 import regista
-from conftest import REGISTA, ROOT, Server, environment, owned, run, wait_for
+from command_line import REGISTA, ROOT, Server, by_pypi, environment, owned, run, wait_for
 from mcap.reader import make_reader
 from regista import position2d
 from regista.recording import Channel, Recorder, Recording, schema, write
-from test_recorder import by_pypi
 
 
 def driven(server, seconds):
@@ -96,6 +95,7 @@ def test_record_killed_keeps_all_but_the_last_second(sim, tmp_path):
     path = tmp_path / "killed.mcap"
     process = sim.start("record", path)
     wait_for(lambda: path.exists() and path.stat().st_size > 20_000)
+    wait_for(lambda: time.time() - path.stat().st_mtime > 0.3)  # not just after it wrote
     killed = time.time_ns()
     process.kill()
     process.wait()

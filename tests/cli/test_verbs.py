@@ -11,7 +11,7 @@ import time
 
 import pytest
 import regista
-from conftest import REGISTA, environment, run, wait_for
+from command_line import REGISTA, ROOT, Server, environment, run, wait_for
 
 NOBODY = "127.0.0.1:1"  # nobody listens there
 
@@ -74,8 +74,6 @@ def test_print_of_a_device_that_is_not_there(sim):
 
 
 def test_print_of_a_device_that_says_nothing(tmp_path):
-    from conftest import Server
-
     config = tmp_path / "mute.cfg"
     os.mkfifo(tmp_path / "frames")
     config.write_text('driver ( name "playback" provides ["power:0"] input "frames" )\n')
@@ -100,8 +98,6 @@ def test_status_clients_and_doctor(fresh):
 
 
 def test_doctor_finds_a_fault(tmp_path):
-    from conftest import Server
-
     (tmp_path / "empty").write_bytes(b"")
     config = tmp_path / "faulty.cfg"
     config.write_text('driver ( name "playback" provides ["position2d:0"] input "empty" alwayson yes )\n')
@@ -299,8 +295,6 @@ def test_completion_scripts():
 
 
 def test_a_server_that_goes_away_while_printing(tmp_path):
-    from conftest import ROOT, Server
-
     with Server(ROOT / "examples/sim.cfg") as server:
         process = server.start("print", "position2d", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         process.stdout.readline()
