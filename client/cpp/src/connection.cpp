@@ -346,16 +346,32 @@ Result<std::string> Connection::subscribe(Address from, OnData on_data) {
   subscriptions_.push_back({.address = from, .on_data = std::move(on_data), .open = from == server_address});
   if (!connected() || from == server_address) return std::string{};
   const Result<std::vector<std::byte>> body = exchange(server_address, subscribe_request(from, player::Access::open));
-  const Result<std::string> driver = opened(body ? Result<std::span<const std::byte>>{std::span{*body}} : body.error());
-  Subscription* subscription = find(from);
-  if (driver) {
+  Result<std::string> driver = opened(body ? Result<std::span<const std::byte>>{std::span{*body}} : body.error());
+  note_open(from, driver);
+  return driver;
+}
+
+Result<> Connection::subscribe(Address from, OnData on_data, OnOpen on_open) {
+  if (find(from) != nullptr) return regista::Error{std::errc::already_connected, to_string(from)};
+  Result<> sent = post(server_address, subscribe_request(from, player::Access::open),
+                       [this, from, on_open = std::move(on_open)](const Result<std::span<const std::byte>>& body) {
+                         const Result<std::string> driver = opened(body);
+                         note_open(from, driver);
+                         on_open(driver);
+                       });
+  if (sent) subscriptions_.push_back({.address = from, .on_data = std::move(on_data)});
+  return sent;
+}
+
+/// What became of a subscription.
+void Connection::note_open(Address from, const Result<std::string>& driver) {
+  if (Subscription* subscription = find(from); driver && subscription != nullptr) {
     subscription->open = true;
     subscription->driver = *driver;
   } else {
     std::erase_if(subscriptions_, [&](const Subscription& s) { return s.address == from; });
     std::erase_if(kept_, [&](const auto& kept) { return kept.first.first == from; });
   }
-  return driver;
 }
 
 Result<> Connection::unsubscribe(Address from) {

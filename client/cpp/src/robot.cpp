@@ -60,26 +60,48 @@ ProxyBase* Robot::find(Address address) {
 
 ProxyBase& Robot::open(std::unique_ptr<ProxyBase> proxy) {
   const Address address = proxy->address();
-  Result<std::string> driver =
-      connection_.subscribe(address, [this, p = proxy.get()](const xdr::Header& header, const AnyData& data, Time arrival) {
-        p->on_data(header, data, arrival);
-        if (on_data_) on_data_(header, data, arrival);
-      });
+  Result<std::string> driver = connection_.subscribe(address, handler(*proxy));
   if (!driver) raise(to_string(address), "subscribe", driver.error());
   proxy->driver_ = *std::move(driver);
   return *proxies_.emplace_back(std::move(proxy));
 }
 
-ProxyBase& Robot::device(Address address) {
-  ProxyBase* proxy = nullptr;
+Connection::OnData Robot::handler(ProxyBase& proxy) {
+  return [this, &proxy](const xdr::Header& header, const AnyData& data, Time arrival) {
+    proxy.on_data(header, data, arrival);
+    if (on_data_) on_data_(header, data, arrival);
+  };
+}
+
+std::unique_ptr<ProxyBase> Robot::make_proxy(Address address) {
+  std::unique_ptr<ProxyBase> proxy;
   any_message(Interfaces{}, [&]<InterfaceType I>() {
     if constexpr (!std::same_as<I, Player>) {
-      if (I::code == address.interface) proxy = &device<I>(address.index);
+      if (I::code == address.interface) proxy = std::make_unique<typename ProxyFor<I>::Type>(*this, address.index);
     }
     return proxy != nullptr;
   });
-  if (proxy == nullptr) throw std::invalid_argument{to_string(address) + " is no device that this library speaks"};
-  return *proxy;
+  if (!proxy) throw std::invalid_argument{to_string(address) + " is no device that this library speaks"};
+  return proxy;
+}
+
+ProxyBase& Robot::device(Address address) {
+  if (ProxyBase* known = find(address)) return *known;
+  return open(make_proxy(address));
+}
+
+void Robot::open(Address address, Connection::OnOpen on_open) {
+  // A handler is to be copyable, so the proxy is shared until it is open.
+  const std::shared_ptr<ProxyBase> proxy = make_proxy(address);
+  const Result<> asked = connection_.subscribe(
+      address, handler(*proxy), [this, proxy, on_open = std::move(on_open)](const Result<std::string>& driver) {
+        if (driver) {
+          proxy->driver_ = *driver;
+          proxies_.push_back(proxy);
+        }
+        on_open(driver);
+      });
+  if (!asked) raise(to_string(address), "subscribe", asked.error());
 }
 
 std::vector<Robot::Device> Robot::devices() {

@@ -9,7 +9,7 @@ import select
 import socket
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self, TypeVar, cast, overload
@@ -22,6 +22,8 @@ from regista.message import Command, Data, Received, Request, Sample
 D = TypeVar("D", bound=Data)
 R = TypeVar("R")
 P = TypeVar("P", int, float, bool, str)
+
+PROPERTY_TYPES: tuple[type, ...] = (float, int, bool, str)
 
 
 class DeviceInfo(NamedTuple):
@@ -302,15 +304,15 @@ class Device:
     def property(self, key: str, kind: type[P]) -> P: ...
     def property(self, key: str, kind: type[P] | None = None) -> int | float | bool | str:
         """Its value; `kind` is float, int, bool or str, the driver's own. Without it, all four are tried."""
-        getters = {
-            float: self._core.property_float,
-            int: self._core.property_int,
-            bool: self._core.property_bool,
-            str: self._core.property_str,
-        }
         if kind is not None:
-            return getters[kind](key)
-        return _first_accepted(getters.values(), key)
+            return cast(P, self._core.property(key, kind))
+        refusal: RefusedError | None = None
+        for kind in PROPERTY_TYPES:
+            try:
+                return cast(float, self._core.property(key, kind))
+            except RefusedError as error:
+                refusal = error
+        raise cast(RefusedError, refusal)
 
 
 X = TypeVar("X", bound=Device)
@@ -589,12 +591,12 @@ class Opaque(Device):
 class Team:
     """Several robots, one loop:
 
-        with Team() as team:
-            for host in ("robot1", "robot2"):
-                team.add(regista.Robot(host))
-            while team.read(timeout=0.1):
-                for robot in team:
-                    robot.position2d().set_velocity(w=0.5)
+    with Team() as team:
+        for host in ("robot1", "robot2"):
+            team.add(regista.Robot(host))
+        while team.read(timeout=0.1):
+            for robot in team:
+                robot.position2d().set_velocity(w=0.5)
     """
 
     def __init__(self, robots: Iterable[Robot] = ()) -> None:
@@ -668,17 +670,6 @@ def to_path(path: Iterable[Pose2d | Sequence[float]]) -> list[tuple[float, float
         x, y, *heading = (pose.x, pose.y, pose.heading) if isinstance(pose, Pose2d) else pose
         triples.append((x, y, heading[0] if heading else 0.0))
     return triples
-
-
-def _first_accepted(getters: Iterable[Callable[[str], int | float | bool | str]], key: str) -> int | float | bool | str:
-    refusal: RefusedError | None = None
-    for getter in getters:
-        try:
-            return getter(key)
-        except RefusedError as error:
-            refusal = error
-    assert refusal is not None
-    raise refusal
 
 
 def _own_name() -> str:

@@ -98,7 +98,14 @@ py::object convert_any(Variant&& any) {
   return std::visit(
       []<typename T>(T&& message) -> py::object {
         if constexpr (module_name<std::remove_cvref_t<T>>() == "property") {
-          return py::none();  // properties have methods
+          // Of a property there is but the value; a `char` is a bool.
+          if constexpr (!requires { message.value; }) {
+            return py::none();
+          } else if constexpr (std::same_as<decltype(message.value), std::int8_t>) {
+            return py::bool_(message.value != 0);
+          } else {
+            return convert(std::move(message.value));
+          }
         } else {
           return convert(std::remove_cvref_t<T>{std::forward<T>(message)});
         }
@@ -261,6 +268,17 @@ std::uint8_t data_subtype(const py::handle& type, std::uint16_t interface) {
                          std::string{interface_name(interface)}};
   }
   return *subtype;
+}
+
+std::uint8_t first_data(std::uint16_t interface) {
+  std::uint8_t subtype = 0;
+  any_message(AllMessages{}, [&]<typename M>() {
+    if constexpr (DataType<M>) {
+      if (M::message.interface == interface) subtype = M::message.subtype;
+    }
+    return subtype != 0;
+  });
+  return subtype;
 }
 
 AnyCommand to_command(const py::handle& object) { return read_any<AnyCommand>(object, "command"); }

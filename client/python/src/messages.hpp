@@ -21,6 +21,9 @@ py::object to_python(player::Event&& event);
 /// The subtype of a class of data, or of Player's name for it such as "STATE"; throws TypeError when it is none of this interface.
 std::uint8_t data_subtype(const py::handle& type, std::uint16_t interface);
 
+/// The subtype of an interface's first data message: its state. 0: it has none.
+std::uint8_t first_data(std::uint16_t interface);
+
 /// Throw TypeError when the object is no command or request, or a field has another type; ValueError when a number does
 /// not fit.
 AnyCommand to_command(const py::handle& object);

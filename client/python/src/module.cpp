@@ -48,17 +48,90 @@ Address to_address(const std::string& text) {
   return {interface, static_cast<std::uint16_t>(index)};
 }
 
-[[noreturn]] void raise(const client::Error& error) {
+py::object to_exception(const client::Error& error) {
   const char* name = "Error";
   if (dynamic_cast<const client::ConnectionError*>(&error) != nullptr) name = "ConnectionError";
   if (dynamic_cast<const client::TimeoutError*>(&error) != nullptr) name = "TimeoutError";
   if (dynamic_cast<const client::RefusedError*>(&error) != nullptr) name = "RefusedError";
   const py::object type = py::module_::import("regista.errors").attr(name);
   const client::Error::Context& context = error.context();
-  const py::object object =
-      type(error.what(), context.host, context.port, context.device, context.asked, error.reason());
-  PyErr_SetObject(type.ptr(), object.ptr());
+  return type(error.what(), context.host, context.port, context.device, context.asked, error.reason());
+}
+
+[[noreturn]] void raise(const client::Error& error) {
+  const py::object exception = to_exception(error);
+  PyErr_SetObject(py::type::handle_of(exception).ptr(), exception.ptr());
   throw py::error_already_set{};
+}
+
+/// A function of Python that C++ may keep, copy and forget without the GIL. It is called as function(value, error); what
+/// it raises is told and forgotten.
+class Callback {
+ public:
+  explicit Callback(const py::function& function)
+      : function_{new py::function{function}, [](const py::function* last) {
+                    const py::gil_scoped_acquire acquire;
+                    delete last;
+                  }} {}
+
+  template <std::invocable Make>
+  void operator()(const client::Error::Context&, Make make) const {
+    call([&](const py::function& function) { function(make(), py::none()); });
+  }
+  void operator()(const client::Error::Context& context, const Error& cause) const {
+    call([&](const py::function& function) {
+      try {
+        client::raise(context, cause);
+      } catch (const client::Error& error) {
+        function(py::none(), to_exception(error));
+      }
+    });
+  }
+
+ private:
+  template <typename Work>
+  void call(Work work) const {
+    const py::gil_scoped_acquire acquire;
+    try {
+      work(*function_);
+    } catch (py::error_already_set& error) {
+      error.discard_as_unraisable("a robot's callback");
+    }
+  }
+
+  std::shared_ptr<const py::function> function_;
+};
+
+using Decoder = Result<AnyReply> (*)(std::span<const std::byte>);
+
+Decoder reply_decoder(const AnyRequest& request) {
+  return std::visit(
+      []<typename M>(const M&) -> Decoder {
+        return [](std::span<const std::byte> body) -> Result<AnyReply> {
+          typename M::Reply reply;
+          if (const Result<> decoded = xdr::decode(body, reply); !decoded) return decoded.error();
+          return AnyReply{std::move(reply)};
+        };
+      },
+      request);
+}
+
+/// The request for a property's value; `type` is that of Python.
+AnyRequest get_property(const std::string& key, const py::handle& type) {
+  const auto is = [&](PyTypeObject& known) { return type.ptr() == reinterpret_cast<PyObject*>(&known); };
+  if (is(PyFloat_Type)) return property::GetDouble{.key = key};
+  if (is(PyBool_Type)) return property::GetBool{.key = key};
+  if (is(PyLong_Type)) return property::GetInt{.key = key};
+  if (is(PyUnicode_Type)) return property::GetText{.key = key};
+  throw py::type_error{"a property is a float, an int, a bool or a str, no " + std::string{py::str(type)}};
+}
+
+AnyRequest set_property(const std::string& key, const py::handle& value) {
+  if (PyFloat_Check(value.ptr())) return property::SetDouble{.key = key, .value = py::cast<double>(value)};
+  if (PyBool_Check(value.ptr())) return property::SetBool{.key = key, .value = py::cast<bool>(value)};
+  if (PyLong_Check(value.ptr())) return property::SetInt{.key = key, .value = py::cast<std::int32_t>(value)};
+  if (PyUnicode_Check(value.ptr())) return property::SetText{.key = key, .value = py::cast<std::string>(value)};
+  throw py::type_error{"a property is a float, an int, a bool or a str, no " + std::string{py::repr(value)}};
 }
 
 /// A robot and who may use it: one thread at a time, in the process that connected it.
@@ -129,6 +202,42 @@ class Robot {
   [[nodiscard]] client::Robot& robot() {
     if (!robot_) throw py::value_error{"this robot is closed"};
     return *robot_;
+  }
+
+  /// Ask without waiting: a later read() calls `on_reply` with (reply, error).
+  void post(Address to, const AnyRequest& request, const py::function& on_reply) {
+    use([&] {
+      const client::Connection& connection = robot().connection();
+      client::Error::Context context{connection.host(), connection.port(), to == client::server_address ? "" : to_string(to),
+                                     std::string{name_of(request)}};
+      const Result<> sent = robot().connection().post(
+          to, request,
+          [context, decode = reply_decoder(request), call = Callback{on_reply}](
+              const Result<std::span<const std::byte>>& body) {
+            const Result<AnyReply> reply = body ? decode(*body) : body.error();
+            if (reply) {
+              call(context, [&] { return to_python(AnyReply{*reply}); });
+            } else {
+              call(context, reply.error());
+            }
+          });
+      if (!sent) client::raise(context, sent.error());
+    });
+  }
+  /// Open a device without waiting: a later read() calls `on_open` with (None, error).
+  void open(const std::string& address, const py::function& on_open) {
+    use([&] {
+      const client::Connection& connection = robot().connection();
+      robot().open(to_address(address),
+                   [context = client::Error::Context{connection.host(), connection.port(), address, "subscribe"},
+                    call = Callback{on_open}](const Result<std::string>& driver) {
+                     if (driver) {
+                       call(context, [] { return py::none(); });
+                     } else {
+                       call(context, driver.error());
+                     }
+                   });
+    });
   }
 
   bool read(double timeout) {
@@ -237,8 +346,8 @@ class Device {
     });
   }
 
-  py::object request(const py::handle& message) {
-    const AnyRequest asked = to_request(message);
+  py::object request(const py::handle& message) { return ask(to_request(message)); }
+  py::object ask(const AnyRequest& asked) {
     return to_python(robot_->wait([&] {
       Result<AnyReply> reply = robot_->robot().connection().request(proxy_->address(), asked);
       if (!reply) client::raise(context(name_of(asked)), reply.error());
@@ -246,19 +355,18 @@ class Device {
     }));
   }
 
-  template <typename T>
-  T property(const std::string& key) {
-    return robot_->wait([&] {
-      require_connected();
-      return proxy_->property<T>(key);
-    });
+  py::object property(const std::string& key, const py::handle& type) { return ask(get_property(key, type)); }
+  void set_property(const std::string& key, const py::handle& value) { ask(python::set_property(key, value)); }
+
+  // Without waiting; see Robot::post().
+  void post(const py::handle& request, const py::function& on_reply) {
+    robot_->post(proxy_->address(), to_request(request), on_reply);
   }
-  template <typename T>
-  void set_property(const std::string& key, const T& value) {
-    robot_->wait([&] {
-      require_connected();
-      proxy_->set_property(key, value);
-    });
+  void post_property(const std::string& key, const py::handle& type, const py::function& on_reply) {
+    robot_->post(proxy_->address(), get_property(key, type), on_reply);
+  }
+  void post_set_property(const std::string& key, const py::handle& value, const py::function& on_reply) {
+    robot_->post(proxy_->address(), python::set_property(key, value), on_reply);
   }
 
   py::object motion(const std::string& group) {
@@ -380,7 +488,6 @@ class Follower {
 
 template <typename Class>
 void define_device(Class& device) {
-  const py::arg group{"group"};
   device.def_property_readonly("address", &Device::address)
       .def_property_readonly("driver", &Device::driver)
       .def_property_readonly("count", &Device::count)
@@ -390,14 +497,11 @@ void define_device(Class& device) {
       .def("value", &Device::value)
       .def("send", &Device::send)
       .def("request", &Device::request)
-      .def("property_int", &Device::property<int>)
-      .def("property_float", &Device::property<double>)
-      .def("property_bool", &Device::property<bool>)
-      .def("property_str", &Device::property<std::string>)
-      .def("set_property", &Device::set_property<bool>, py::arg(), py::arg().noconvert())
-      .def("set_property", &Device::set_property<int>, py::arg(), py::arg().noconvert())
-      .def("set_property", &Device::set_property<double>, py::arg(), py::arg().noconvert())
-      .def("set_property", &Device::set_property<std::string>, py::arg(), py::arg())
+      .def("property", &Device::property)
+      .def("set_property", &Device::set_property)
+      .def("post", &Device::post)
+      .def("post_property", &Device::post_property)
+      .def("post_set_property", &Device::post_set_property)
       .def("motion", &Device::motion)
       .def("take", &Device::take)
       .def("release", &Device::release)
@@ -412,6 +516,9 @@ PYBIND11_MODULE(_core, m) {
   py::class_<Robot, std::shared_ptr<Robot>>{m, "Robot"}
       .def(py::init<std::string, std::uint16_t, double, std::string, std::int32_t, bool, bool>())
       .def("close", &Robot::close)
+      .def("open", &Robot::open)
+      .def("post", [](Robot& robot, const py::handle& request,
+                      const py::function& on_reply) { robot.post(client::server_address, to_request(request), on_reply); })
       .def("read", &Robot::read)
       .def("record", &Robot::record)
       .def("messages",
@@ -494,6 +601,13 @@ PYBIND11_MODULE(_core, m) {
       }))
       .def("step", &Follower::step);
 
+
+  m.def("device_name", [](std::uint16_t interface, std::uint16_t index) { return to_string(Address{interface, index}); });
+  m.def("device_code", [](const std::string& address) {
+    const auto [interface, index] = to_address(address);
+    return std::pair{interface, index};
+  });
+  m.def("first_data", [](const std::string& address) { return first_data(to_address(address).interface); });
   m.def("wire_decode", &wire_decode);
   m.def("wire_encode", &wire_encode);
   m.def("wire_frame", [](const py::handle& message, const std::string& device, std::uint8_t subtype, bool answer) {

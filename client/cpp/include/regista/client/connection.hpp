@@ -50,6 +50,8 @@ class Connection {
   using OnData = std::function<void(const xdr::Header& header, const AnyData& data, Time arrival)>;
   /// The body of the ACK, or why there is none. Called exactly once.
   using OnReply = std::function<void(Result<std::span<const std::byte>> body)>;
+  /// The driver's name, or why the device could not be opened. Called exactly once.
+  using OnOpen = std::function<void(const Result<std::string>& driver)>;
 
   Connection(std::string host, std::uint16_t port, Options options = {});
   ~Connection();  ///< close()
@@ -90,6 +92,9 @@ class Connection {
   /// Open a device; returns its driver's name. Without a connection it is noted and opened by connect(). Interface
   /// `player`: the server's events and motions. An address can be subscribed once.
   Result<std::string> subscribe(Address from, OnData on_data);
+  /// The same without waiting: a later read() brings the driver's name. Fails when a request is under way already, or
+  /// without a connection.
+  Result<> subscribe(Address from, OnData on_data, OnOpen on_open);
   /// Close a device. Does nothing if it is not subscribed.
   Result<> unsubscribe(Address from);
 
@@ -163,6 +168,7 @@ class Connection {
   void on_time(Time now);
   void next_step();
   void subscribe_step(Address address);
+  void note_open(Address from, const Result<std::string>& driver);
   regista::Error fail(regista::Error error);
   void drop(const regista::Error& error);
   void finish(Result<std::span<const std::byte>> body);

@@ -45,6 +45,9 @@ class Robot {
   /// One whose interface is known only at run time. Throws std::invalid_argument when we do not speak it.
   ProxyBase& device(Address address);
 
+  /// The same without waiting: when `on_open` is called, from within a later read(), device() gives it at once.
+  void open(Address address, Connection::OnOpen on_open);
+
   /// Be told of each data message of the devices in use, in the order of arrival, from within read(): for recorders.
   /// What comes while a request waits is told at the next read(), of each device and type the newest. The handler must
   /// not call the robot. An empty one ends it.
@@ -84,11 +87,13 @@ class Robot {
 
   ProxyBase* find(Address address);
   ProxyBase& open(std::unique_ptr<ProxyBase> proxy);
+  std::unique_ptr<ProxyBase> make_proxy(Address address);
+  Connection::OnData handler(ProxyBase& proxy);
   void note_generation();
   void take_notice(const AnyData& data);
   [[noreturn]] void raise(std::string_view device, std::string_view asked, const regista::Error& cause) const;
 
-  std::vector<std::unique_ptr<ProxyBase>> proxies_;
+  std::vector<std::shared_ptr<ProxyBase>> proxies_;
   std::deque<player::Event> events_;
   Connection::OnData on_data_;
   std::uint64_t generation_ = 0;

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbered examples: each in Python and in C++, and both print the same."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import BIN, Server
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+CONFIGS = {"06_two_robots": "two_robots.cfg", "08_opaque": "opaque.cfg"}
+NAMES = sorted(path.stem for path in EXAMPLES.glob("[0-9]*.py"))
+
+
+def test_each_has_its_twin_and_thirty_lines():
+    assert NAMES == sorted(path.stem for path in EXAMPLES.glob("[0-9]*.cpp"))
+    for path in EXAMPLES.glob("[0-9]*.*"):
+        assert len(path.read_text().splitlines()) <= 30, path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_prints_what_its_twin_prints(name):
+    server = Server(EXAMPLES / CONFIGS.get(name, "sim.cfg"))
+    try:
+        program = [sys.executable, EXAMPLES / f"{name}.py"]
+        result = subprocess.run(program, capture_output=True, text=True, timeout=60, check=False)
+    finally:
+        server.end()
+    assert result.stderr == ""
+    assert result.stdout == (EXAMPLES / f"expected/{name}.txt").read_text()
+
+
+def test_the_server_is_where_it_is_looked_for():
+    assert (BIN / "regista-server").exists()
