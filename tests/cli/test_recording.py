@@ -3,11 +3,13 @@
 
 import contextlib
 import math
+import os
 import re
 import signal
 import socket
 import subprocess
 import time
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -77,6 +79,11 @@ def test_record_on_a_full_disk_tells_and_ends_with_1(sim):
     assert done.returncode == 1
     assert "log stopped: No space left on device" in done.stderr
     assert re.search(r"0 bytes, [1-9]\d* dropped; the end is missing: No space left on device", done.stderr)
+
+
+def test_record_of_a_device_that_is_not_there_leaves_no_file(sim, tmp_path):
+    done = sim.run("record", tmp_path / "x.mcap", "imu:7")
+    assert done.returncode == 4 and "imu:7" in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_record_ends_well_with_ctrl_c(sim, tmp_path):
@@ -278,6 +285,16 @@ def test_replay_on_a_port_of_somebody_else(lap):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         done = run("replay", lap, "--port", taken.getsockname()[1], "--sim")
     assert done.returncode == 1 and "in use" in done.stderr
+
+
+def test_replay_tells_when_its_server_ends(tmp_path):
+    path = tmp_path / "steady.mcap"
+    steady(path)
+    with replaying(path) as (process, _):
+        (server,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        os.kill(int(server), signal.SIGKILL)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1 and "regista-server has ended" in errors
 
 
 def test_replay_needs_a_recording(tmp_path):

@@ -40,6 +40,7 @@ def info(
     Its driver, where it is on the robot, who drives it, how often it speaks."""
     name = common.parse_device(device)
     with common.connect(robot, "info", timeout=timeout) as connection:
+        connection.record()
         proxy = connection.device(name)
         told: dict[str, Any] = {"device": name, "driver": proxy.driver}
         motion = proxy.motion()
@@ -81,6 +82,7 @@ def print_device(
     """Print what a device says, until Ctrl-C."""
     name = common.parse_device(device)
     with common.connect(robot, "print", timeout=timeout) as connection:
+        connection.record()
         connection.device(name)
         printed, next_at = 0, time.monotonic()
         deadline = time.monotonic() + timeout

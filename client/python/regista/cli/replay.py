@@ -212,16 +212,25 @@ def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: boo
         common.note(f"serving {', '.join(devices)} on {endpoint}")
         if wait:
             _wait_for_client(endpoint)
-        with _progress(source, cut) as progress:
-            count, shown, latest = 0, 0.0, 0.0
+        count, shown, latest = 0, 0.0, 0.0
+        with _progress(source, cut) as progress, _server_lives():
             for offset, late, record in _rounds(source, cut, loop):
-                os.write(feed.fileno(), frame(record))
+                feed.write(frame(record))
+                feed.flush()
                 count += 1
                 latest = max(latest, late)
                 if not progress.disable and time.monotonic() - shown > 0.2:
                     shown = time.monotonic()
                     progress.update(progress.task_ids[0], completed=offset, count=count)
     common.note(f"{count} messages, at most {common.duration(latest)} late")
+
+
+@contextlib.contextmanager
+def _server_lives() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        common.fail(common.FAILED, "regista-server has ended before the recording")
 
 
 def _wait_for_client(endpoint: str) -> None:
