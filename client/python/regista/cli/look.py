@@ -76,7 +76,7 @@ def print_device(
     rate: Annotated[
         float | None, typer.Option("--rate", "-p", min=0.01, metavar="HZ", help="At most so many a second, the newest.")
     ] = None,
-    count: Annotated[int | None, typer.Option("--count", "-n", min=1, help="End after so many.")] = None,
+    count: Annotated[int | None, typer.Option("--count", "-n", metavar="N", min=1, help="End after so many.")] = None,
     timeout: TimeoutOption = 2.0,
 ) -> None:
     """Print what a device says, until Ctrl-C."""

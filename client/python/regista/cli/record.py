@@ -83,7 +83,7 @@ def _name(device: str, kind: Any) -> str:
 def record(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Such as lap.mcap.")],
     devices: Annotated[
-        list[str] | None, typer.Argument(metavar="[DEVICE]...", help="Only these; default: all of the robot.")
+        list[str] | None, typer.Argument(metavar="DEVICE", help="Only these; default: all of the robot.")
     ] = None,
     robot: RobotOption = LOCALHOST,
     seconds: Annotated[float | None, typer.Option("--for", min=0.1, metavar="S", help="End after so long [s].")] = None,

@@ -141,7 +141,7 @@ def refuse_beside_live(port: int, sim: bool) -> None:
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An MCAP file of `regista record`.")],
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Where to serve; 0: any free one.")
+        int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="Where to serve; 0: any free one.")
     ] = common.PORT,
     rate: Annotated[float, typer.Option("--rate", min=0.01, max=1000, metavar="X", help="2: twice as fast.")] = 1.0,
     start: Annotated[float, typer.Option("--start", min=0, metavar="S", help="Begin there [s].")] = 0.0,
