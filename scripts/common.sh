@@ -6,7 +6,7 @@
 # Debian packages to build and run what users get …
 build_packages=(cmake g++ ninja-build libasio-dev libcli11-dev libeigen3-dev libfmt-dev libspdlog-dev nlohmann-json3-dev)
 # … and those that only the checks need. libclang-rt-19-dev holds libFuzzer and the sanitizers of clang.
-test_packages=(python3 python3-venv shellcheck libbenchmark-dev libgtest-dev librapidcheck-dev clang-19 libclang-rt-19-dev)
+test_packages=(python3 python3-dev python3-venv shellcheck libbenchmark-dev libgtest-dev librapidcheck-dev clang-19 libclang-rt-19-dev)
 
 say() { printf '%s\n' "$*"; }
 

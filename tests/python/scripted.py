@@ -23,7 +23,9 @@ class Message(NamedTuple):
     body: bytes
 
 
-def pack(interface: int, index: int, kind: int, subtype: int, body: bytes = b"", stamp: float = 0, seq: int = 0) -> bytes:
+def pack(
+    interface: int, index: int, kind: int, subtype: int, body: bytes = b"", stamp: float = 0, seq: int = 0
+) -> bytes:
     return struct.pack(">6IdII", 0x0100007F, 6665, interface, index, kind, subtype, stamp, seq, len(body)) + body
 
 
@@ -54,9 +56,7 @@ class Peer:
         return Message(interface, index, kind, subtype, sequence, self.exactly(size))
 
     def answer(self, message: Message, kind: int, body: bytes = b"") -> None:
-        self.socket.sendall(
-            pack(message.interface, message.index, kind, message.subtype, body, seq=message.sequence)
-        )
+        self.socket.sendall(pack(message.interface, message.index, kind, message.subtype, body, seq=message.sequence))
 
     def serve(self, message: Message) -> None:
         """As a stock server that has every device answers."""

@@ -52,9 +52,7 @@ def test_drives_while_others_run(port):
 def test_several_requests_at_once_each_get_their_own_answer(port):
     async def work():
         async with regista.asyncio.Robot("127.0.0.1", port) as robot:
-            base, kicker, table = await asyncio.gather(
-                robot.position2d(), robot.kicker(), robot.device("position1d:0")
-            )
+            base, kicker, table = await asyncio.gather(robot.position2d(), robot.kicker(), robot.device("position1d:0"))
             geometry, noise, status, devices, table_geometry, limits = await asyncio.gather(
                 base.geometry(),
                 base.property("noise"),

@@ -14,7 +14,7 @@ NAMES = sorted(path.stem for path in EXAMPLES.glob("[0-9]*.py"))
 
 
 def test_each_has_its_twin_and_thirty_lines():
-    assert NAMES == sorted(path.stem for path in EXAMPLES.glob("[0-9]*.cpp"))
+    assert sorted(path.stem for path in EXAMPLES.glob("[0-9]*.cpp")) == NAMES
     for path in EXAMPLES.glob("[0-9]*.*"):
         assert len(path.read_text().splitlines()) <= 30, path
 

@@ -44,14 +44,14 @@ def test_nobody_listens():
 
 
 def test_a_name_without_an_address():
-    with pytest.raises(regista.ConnectionError, match="no-such-host.invalid"):
+    with pytest.raises(regista.ConnectionError, match=r"no-such-host\.invalid"):
         regista.Robot("no-such-host.invalid", timeout=TIMEOUT)
 
 
 def test_a_listener_that_never_accepts():
-    with socket.create_server(("127.0.0.1", 0)) as listener, Watch(TIMEOUT):
-        with pytest.raises(regista.ConnectionError, match="no greeting"):
-            regista.Robot("127.0.0.1", listener.getsockname()[1], timeout=TIMEOUT)
+    refused = pytest.raises(regista.ConnectionError, match="no greeting")
+    with socket.create_server(("127.0.0.1", 0)) as listener, Watch(TIMEOUT), refused:
+        regista.Robot("127.0.0.1", listener.getsockname()[1], timeout=TIMEOUT)
 
 
 def test_a_killed_server(start):
@@ -229,7 +229,9 @@ def test_ctrl_c_ends_a_request_that_gets_no_answer(scripted):
                 peer.serve(message)
 
     server = scripted(script)
-    program = INTERRUPTED.format(prepare="base = robot.position2d()", wait="base.geometry()", after="robot._core = None")
+    program = INTERRUPTED.format(
+        prepare="base = robot.position2d()", wait="base.geometry()", after="robot._core = None"
+    )
     process = run(program.replace("robot._core = None", "import os; os._exit(0)"), server.port)
     assert process.stdout.readline() == "waiting\n"
     time.sleep(0.3)

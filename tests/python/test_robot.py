@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robots and proxies beside a real server with simulated devices."""
 
+import itertools
 import math
 import time
 
@@ -119,7 +120,7 @@ def test_generic_devices_send_ask_and_tell(robot):
     assert sample.count == table.count > 0
     assert abs(sample.arrival - time.monotonic()) < 10
     assert abs(sample.stamp - time.time()) < 10
-    with pytest.raises(regista.RefusedError, match="SET_ODOM refused: .*stop it first"):
+    with pytest.raises(regista.RefusedError, match=r"SET_ODOM refused: .*stop it first"):
         table.request(position1d.SetOdometry(position=0.0))
 
 
@@ -223,7 +224,7 @@ def test_every_message_is_recorded_in_order(robot):
     assert len(messages) == base.count - count
     assert {m.device for m in messages} == {"position2d:0"}
     assert all(isinstance(m.message, position2d.State) for m in messages)
-    assert all(a.stamp < b.stamp and a.arrival <= b.arrival for a, b in zip(messages, messages[1:], strict=False))
+    assert all(a.stamp < b.stamp and a.arrival <= b.arrival for a, b in itertools.pairwise(messages))
     assert messages[-1].message == base.state
     until(robot, lambda: base.count - count >= 120)
     assert len(robot.messages()) == 50

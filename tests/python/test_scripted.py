@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Proxies of devices that no simulation has, and a recorded stock server, from a socket that says what the test says."""
+"""Devices that no simulation has, and a recorded stock server, from a socket that says what the test says."""
 
 import json
 import struct
@@ -91,13 +91,11 @@ def test_dio_and_aio(scripted):
         dio.set_outputs(2, 0b10)
         analog.send(aio.OutputCommand())
         robot.close()
-    assert [(m.kind, m.body) for m in sent][0] == (COMMAND, struct.pack(">II", 2, 2))
+    assert next((m.kind, m.body) for m in sent) == (COMMAND, struct.pack(">II", 2, 2))
 
 
 def test_arrays_outlive_the_messages_that_brought_them(scripted):
-    server = scripted(
-        serve([], *(pack(21, 0, DATA, 1, struct.pack(">II2f", 2, 2, i, -i)) for i in range(1, 1001)))
-    )
+    server = scripted(serve([], *(pack(21, 0, DATA, 1, struct.pack(">II2f", 2, 2, i, -i)) for i in range(1, 1001))))
     with regista.Robot("127.0.0.1", server.port) as robot:
         analog = robot.device("aio:0")
         robot.record()
@@ -232,5 +230,5 @@ def replay(robot, messages):
 
 def test_the_listening_socket_is_no_player(scripted):
     server = scripted(obliging, b"SSH-2.0-OpenSSH_9.2p1 Debian-2+d")
-    with pytest.raises(regista.ConnectionError, match="it greets with 'SSH-2.0.*another service answers"):
+    with pytest.raises(regista.ConnectionError, match=r"it greets with 'SSH-2.0.*another service answers"):
         regista.Robot("127.0.0.1", server.port)

@@ -11,8 +11,9 @@
             base.set_velocity(x=0.3)        # repeated: silence stops the robot
         await base.stop()
 
-What has to wait is awaited; what only sends or looks is called. The loop watches the robot's socket: there is no thread,
-except for the moment of connecting. Commands and values come while others wait; of requests there is one after the other.
+What has to wait is awaited; what only sends or looks is called. The loop watches the robot's socket: there is no
+thread, but for the moments of connecting and closing. Commands and values come while others wait; of requests there is
+one after the other.
 """
 
 from __future__ import annotations
@@ -122,8 +123,11 @@ class Robot:
         async with self._asking:
             if address not in self._devices:
                 await self._answer(functools.partial(self._robot._core.open, address))
-                kind = Position2d if interface == "position2d" else Device
-                self._devices[address] = kind(self, self._robot.device(address))
+                proxy = self._robot.device(address)
+                if isinstance(proxy, regista.Position2d):
+                    self._devices[address] = Position2d(self, proxy)
+                else:
+                    self._devices[address] = Device(self, proxy)
         return self._devices[address]
 
     async def devices(self) -> list[DeviceInfo]:

@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self, TypeVar, cast, overload
 
 from regista import _core, dio, gps, imu, kicker, opaque, player, position2d, power
+from regista._core import Position2d as CorePosition2d
 from regista.errors import RefusedError
 from regista.geometry import Pose2d
 from regista.message import Command, Data, Received, Request, Sample
@@ -166,7 +167,10 @@ class Robot:
         return self._core.generation
 
     def events(self) -> list[player.Event]:
-        """What happened since the last call: refused commands, stops, faults. The newest 256; none from a stock server."""
+        """What happened since the last call: refused commands, stops, faults. The newest 256.
+
+        A stock server tells none.
+        """
         return self._core.events()
 
     def status(self) -> dict[str, Any]:
@@ -189,7 +193,7 @@ class Robot:
         return self._core.counters()
 
     def fileno(self) -> int:
-        """For select, poll, asyncio: call `read(0)` when it is ready for `poll_events()`. -1 while there is no socket."""
+        """For select, poll, asyncio: call `read(0)` when it is ready for `poll_events()`. -1: there is no socket."""
         return self._core.fileno()
 
     def poll_events(self) -> int:
@@ -282,7 +286,7 @@ class Device:
         self._core.release(group)
 
     def keep_alive(self, on: bool) -> None:
-        """The device has a destination that stays valid while this program calls `read()`. `go_to` does it by itself."""
+        """The device has a destination that stays valid while this program calls `read()`; `go_to` says so itself."""
         self._core.keep_alive(on)
 
     # Properties of the driver by name.
@@ -324,14 +328,14 @@ class Position2d(Device):
     Numbers that are not finite are a ValueError.
     """
 
-    _core: _core.Position2d
+    _core: CorePosition2d
 
-    def _open(self, address: str) -> _core.Position2d:
-        return _core.Position2d(self.robot._core, _index(address))
+    def _open(self, address: str) -> CorePosition2d:
+        return CorePosition2d(self.robot._core, _index(address))
 
     @property
     def state(self) -> position2d.State:
-        """Odometry: `state.pose.x` [m], `.y` [m], `.heading` [rad]; `state.velocity.x` [m/s], `.y` [m/s], `.w` [rad/s]."""
+        """Odometry: `pose` in [m] and [rad], `velocity` of the body in [m/s] and [rad/s]."""
         return cast(position2d.State, self._core.value(1))
 
     def set_velocity(self, x: float = 0.0, y: float = 0.0, w: float = 0.0) -> None:

@@ -11,7 +11,7 @@ from regista.message import Struct
 
 
 def decode(data: bytes) -> list[dict[str, Any]]:
-    """Whole messages, one after the other, each as {"header": …, "fields": …}. ValueError: which byte, and what is wrong."""
+    """Whole messages, one after the other, each as {"header": …, "fields": …}. ValueError: where, and what is wrong."""
     messages, rest = _core.wire_decode(data)
     if rest:
         raise ValueError(f"byte {len(data) - rest}: {rest} bytes are no whole message")

@@ -24,6 +24,17 @@ std::atomic<unsigned> forks{0};
 
 double to_seconds(Time time) { return seconds(time.time_since_epoch()); }
 
+/// What a signal handler raised while this thread waited.
+thread_local std::exception_ptr raised;
+
+/// Run the handlers of the signals that came. True: one has raised.
+bool take_signals() {
+  const py::gil_scoped_acquire acquire;
+  if (PyErr_CheckSignals() == 0) return false;
+  raised = std::make_exception_ptr(py::error_already_set{});
+  return true;
+}
+
 /// Seconds as Python gives them; None and what is beyond a day: a day, again and again.
 Duration to_duration(double value, const char* what) {
   if (!(value >= 0)) throw py::value_error{std::string{what} + ": wants seconds, 0 or more"};
@@ -151,7 +162,7 @@ class Robot {
                             .name = std::move(name),
                             .priority = priority,
                             .reconnect = reconnect,
-                            .interrupted = [this] { return take_signals(); }};
+                            .interrupted = &take_signals};
     wait([&] { robot_ = std::make_unique<client::Robot>(std::move(host), port, std::move(options)); });
   }
   ~Robot() {
@@ -173,7 +184,7 @@ class Robot {
     }
     wait([&] { robot_->connection().close(); });
     robot_.reset();
-    if (raised_) std::rethrow_exception(std::exchange(raised_, nullptr));
+    if (raised) std::rethrow_exception(std::exchange(raised, nullptr));
   }
 
   /// Call `work` with the GIL held: it must not block.
@@ -194,7 +205,7 @@ class Robot {
       const py::gil_scoped_release release;
       return work();
     } catch (const client::Error& error) {
-      if (raised_) std::rethrow_exception(std::exchange(raised_, nullptr));
+      if (raised) std::rethrow_exception(std::exchange(raised, nullptr));
       raise(error);
     }
   }
@@ -299,16 +310,8 @@ class Robot {
     Robot& robot_;
   };
 
-  bool take_signals() {
-    const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() == 0) return false;
-    raised_ = std::make_exception_ptr(py::error_already_set{});
-    return true;
-  }
-
   const unsigned forks_ = forks;
   std::atomic<bool> busy_ = false;
-  std::exception_ptr raised_;
   std::size_t limit_ = 0;
   std::uint64_t overflows_ = 0;
   std::deque<Received> received_;

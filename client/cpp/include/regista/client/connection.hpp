@@ -36,7 +36,7 @@ struct Options {
   bool reconnect = false;                          ///< read() connects again, with back-off, instead of failing
   /// Asked when a signal (EINTR) ends a wait. True: whatever waits gives up with std::errc::interrupted; the connection
   /// stays. For what takes signals itself, such as Python.
-  std::function<bool()> interrupted{};
+  bool (*interrupted)() = nullptr;
 };
 
 /// One TCP connection to a server, ours or a stock Player: what Robot and remote devices stand on. Most programs want
@@ -159,7 +159,7 @@ class Connection {
   Result<> begin(Address to, const AnyRequest& request, OnReply on_reply);
   Result<> flush();
   Result<> take_in(Time until);
-  [[nodiscard]] bool interrupted() const { return options_.interrupted && options_.interrupted(); }
+  [[nodiscard]] bool interrupted() const { return options_.interrupted != nullptr && options_.interrupted(); }
   Result<bool> receive(Time now);
   void take_frames(Time now);
   void take_data(const xdr::Frame& frame, Time now);
