@@ -17,6 +17,7 @@ import regista
 from mcap.stream_reader import StreamReader
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tests/python"))  # scripted.py
 BIN = Path(os.environ.get("REGISTA_BIN", ROOT / "build/dev/bin")).resolve()
 SERVER = BIN / "regista-server"
 REGISTA = [sys.executable, "-m", "regista.cli"]

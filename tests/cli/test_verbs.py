@@ -6,12 +6,14 @@ import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import time
 
 import pytest
 import regista
-from command_line import REGISTA, ROOT, Server, environment, run, wait_for
+from command_line import REGISTA, ROOT, Server, Terminal, environment, run, wait_for
+from scripted import ACK, REQUEST, ScriptedServer, state
 
 NOBODY = "127.0.0.1:1"  # nobody listens there
 
@@ -282,6 +284,46 @@ def test_ctrl_c_ends_with_130(sim):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130 and "Traceback" not in errors
+
+
+def test_watching_ends_with_ctrl_c(sim):
+    with Terminal("status", "--watch", "--robot", sim.robot) as terminal:
+        terminal.wait_for("simulated_base")
+        os.killpg(terminal.process.pid, signal.SIGINT)
+        assert terminal.end() == 130
+
+
+@pytest.fixture
+def stock():
+    """A Player server without our extension, as far as these verbs need it."""
+
+    def serve(peer):
+        while True:
+            message = peer.next()
+            if message.interface == 1 and message.subtype == 1:  # DEVLIST: position2d:0
+                peer.answer(message, ACK, struct.pack(">2I4I", 1, 1, 0, 0, 4, 0))
+            elif message.interface == 1 and message.subtype == 2:  # DRIVERINFO
+                peer.answer(message, ACK, message.body[:16] + struct.pack(">II4s", 3, 3, b"p2\0"))
+            else:
+                peer.serve(message)
+            if message.interface == 1 and message.subtype == 3 and message.kind == REQUEST:
+                for x in range(3):
+                    peer.socket.sendall(state(x, stamp=1000 + x))
+
+    server = ScriptedServer(serve)
+    yield f"127.0.0.1:{server.port}"
+    server.close()
+
+
+def test_a_stock_player_server(stock):
+    done = run("list", "--robot", stock)
+    assert done.returncode == 0 and done.stdout.split() == ["DEVICE", "DRIVER", "position2d:0", "p2"]
+    done = run("print", "position2d", "-n", 3, "--json", "--robot", stock)
+    assert [json.loads(line)["pose"]["x"] for line in done.stdout.splitlines()] == [0, 1, 2]
+    done = run("doctor", "--robot", stock)
+    assert done.returncode == 0 and "WARN  server: a stock Player server" in done.stdout
+    done = run("status", "--robot", stock)
+    assert done.returncode == 4 and stock in done.stderr
 
 
 def test_no_color_and_pipes_have_no_escapes(sim):
