@@ -314,6 +314,7 @@ def test_replay_moves_a_robot_only_when_told(fresh, tmp_path):
     for i in range(100):
         recorder.put(channel, write(state), i * 10_000_000, i * 10_000_000)
     recorder.close()
+    assert run("replay", path, "--to", "127.0.0.1:1", "--move").returncode == 3
     refused = run("replay", path, "--to", fresh.robot)
     assert refused.returncode == 4 and "--move" in refused.stderr
     with regista.Robot("127.0.0.1", fresh.port) as robot:

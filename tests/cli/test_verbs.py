@@ -220,6 +220,14 @@ def test_nobody_answers(verb, tmp_path):
     assert done.stdout == "" and not list(tmp_path.iterdir())
 
 
+def test_nobody_answers_who_could_be_driven():
+    with Terminal("drive", "--robot", NOBODY) as terminal:
+        assert terminal.end() == 3
+        assert NOBODY in terminal.shown
+    done = run("joy", "--pad", "/dev/null", "--robot", NOBODY)
+    assert done.returncode == 3 and NOBODY in done.stderr
+
+
 def test_a_host_that_does_not_exist():
     done = run("list", "--robot", "no-such-robot.invalid")
     assert done.returncode == 3 and "no-such-robot.invalid" in done.stderr
@@ -276,6 +284,21 @@ def test_a_reader_that_has_enough_is_no_failure(sim):
     )
     assert done.returncode == 0
     assert len(done.stdout.splitlines()) == 2 and done.stderr == ""
+
+
+READING = ["list", "info position2d", "print power", "status", "clients", "doctor", "get position2d noise", "odom"]
+
+
+@pytest.mark.parametrize("verb", [*READING, "status --json", "bench -n 10", f"wire decode {MESSAGE}"])
+def test_a_reader_that_has_gone_is_no_failure(sim, verb):
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        robot = {} if verb.startswith("wire") else {"REGISTA_ROBOT": sim.robot}
+        done = run(*verb.split(), env=robot, capture_output=False, stdout=writer, stderr=subprocess.PIPE)
+    finally:
+        os.close(writer)
+    assert done.returncode == 0 and done.stderr == ""
 
 
 def test_ctrl_c_ends_with_130(sim):
