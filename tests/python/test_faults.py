@@ -199,26 +199,32 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.parametrize(
-    ("prepare", "wait", "after"),
-    [
-        ("", "robot.read(timeout=30)", "print(len(robot.devices()))"),
-        (
-            "base = robot.position2d(); base.reset_odometry()",
-            "base.drive_to(1000, 0, timeout=30)",
-            "base.stop(); print(len(robot.devices()))",
-        ),
-    ],
-    ids=["read", "drive_to"],
-)
-def test_ctrl_c_ends_a_wait_and_leaves_the_connection(port, prepare, wait, after):
-    process = run(INTERRUPTED.format(prepare=prepare, wait=wait, after=after), port)
-    assert process.stdout.readline() == "waiting\n"
-    time.sleep(0.3)  # into the wait: a signal before it would prove nothing
-    with Watch(0):
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20)
-    assert out == "interrupted, connected: True\n5\n", err
+def interrupt(program, port):
+    process = run(program, port)
+    try:
+        assert process.stdout.readline() == "waiting\n"
+        time.sleep(0.3)  # into the wait: a signal before it would prove nothing
+        with Watch(0):
+            process.send_signal(signal.SIGINT)
+            return process.communicate(timeout=20)
+    finally:
+        process.kill()
+
+
+def test_ctrl_c_ends_a_read_and_leaves_the_connection(scripted):
+    program = INTERRUPTED.format(prepare="", wait="robot.read(timeout=30)", after="robot.read(0); robot.position2d()")
+    out, err = interrupt(program, scripted(obliging).port)
+    assert (out, err) == ("interrupted, connected: True\n", "")
+
+
+def test_ctrl_c_ends_a_drive_and_the_base_can_be_stopped(port):
+    program = INTERRUPTED.format(
+        prepare="base = robot.position2d(); base.reset_odometry()",
+        wait="base.drive_to(1000, 0, timeout=30)",
+        after="base.stop(); print(len(robot.devices()))",
+    )
+    out, err = interrupt(program, port)
+    assert (out, err) == ("interrupted, connected: True\n5\n", "")
 
 
 def test_ctrl_c_ends_a_request_that_gets_no_answer(scripted):
@@ -230,18 +236,13 @@ def test_ctrl_c_ends_a_request_that_gets_no_answer(scripted):
 
     server = scripted(script)
     program = INTERRUPTED.format(
-        prepare="base = robot.position2d()", wait="base.geometry()", after="robot._core = None"
+        prepare="base = robot.position2d()", wait="base.geometry()", after="import os; os._exit(0)"
     )
-    process = run(program.replace("robot._core = None", "import os; os._exit(0)"), server.port)
-    assert process.stdout.readline() == "waiting\n"
-    time.sleep(0.3)
-    with Watch(0):
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20)
-    assert out == "interrupted, connected: True\n", err
+    out, err = interrupt(program, server.port)
+    assert (out, err) == ("interrupted, connected: True\n", "")
 
 
-def test_a_signal_handler_that_returns_interrupts_nothing(port):
+def test_a_signal_handler_that_returns_interrupts_nothing(scripted):
     program = """
 import signal, sys, threading, time, os, regista
 signal.signal(signal.SIGUSR1, lambda *_: print("signal", flush=True))
@@ -251,12 +252,12 @@ begin = time.monotonic()
 assert not robot.read(timeout=0.6)
 assert time.monotonic() - begin >= 0.6
 """
-    out, err = run(program, port).communicate(timeout=30)
+    out, err = run(program, scripted(obliging).port).communicate(timeout=30)
     assert (out, err) == ("signal\n", "")
 
 
-def test_other_threads_run_while_a_robot_waits(port):
-    with regista.Robot("127.0.0.1", port) as robot:
+def test_other_threads_run_while_a_robot_waits(scripted):
+    with regista.Robot("127.0.0.1", scripted(obliging).port) as robot:
         ticks = []
         stop = threading.Event()
 
@@ -275,8 +276,8 @@ def test_other_threads_run_while_a_robot_waits(port):
         assert sum(begin < t < end for t in ticks) > 5
 
 
-def test_a_second_thread_is_refused_with_words(port):
-    with regista.Robot("127.0.0.1", port) as robot:
+def test_a_second_thread_is_refused_with_words(scripted):
+    with regista.Robot("127.0.0.1", scripted(obliging).port) as robot:
         waiting = threading.Thread(target=lambda: robot.read(timeout=1))
         waiting.start()
         refused = None

@@ -8,6 +8,7 @@ import time
 import pytest
 import regista
 from regista import imu, position1d, position2d
+from scripted import obliging
 
 
 @pytest.fixture
@@ -74,12 +75,15 @@ def test_nothing_is_known_before_the_first_data(robot):
     assert power.power_w > 0
 
 
-def test_a_read_that_finds_nothing_ends_in_time(robot):
-    begin = time.monotonic()
-    assert not robot.read(timeout=0.2)  # no device is open
-    assert 0.2 <= time.monotonic() - begin < 1
-    with pytest.raises(ValueError, match="wants seconds"):
-        robot.read(timeout=-1)
+def test_a_read_that_finds_nothing_ends_in_time(scripted):
+    with regista.Robot("127.0.0.1", scripted(obliging).port) as robot:
+        begin = time.monotonic()
+        assert not robot.read(timeout=0.2)
+        assert 0.2 <= time.monotonic() - begin < 2
+        with pytest.raises(ValueError, match="wants seconds"):
+            robot.read(timeout=-1)
+        with regista.Team([robot]) as team:
+            assert not team.read(timeout=0.05)
 
 
 def test_kicker(robot):
@@ -200,13 +204,13 @@ def test_geometry_and_settings_are_asked_and_refused_with_reasons(robot):
     base = robot.position2d()
     assert base.geometry().size.length == pytest.approx(0.18)
     base.set_motor_power(True)
+    base.set_position_mode(True)
     base.set_odometry(1.0, 2.0, 0.5)
     until(robot, lambda: abs(base.state.pose.x - 1.0) < 0.05 and abs(base.state.pose.y - 2.0) < 0.05)
     for ask in (
         lambda: base.set_speed_pid(1, 0, 0),
         lambda: base.set_position_pid(1, 0, 0),
         lambda: base.set_speed_profile(1, 1),
-        lambda: base.set_position_mode(True),
         lambda: robot.power().set_charging_policy(input=True, output=False),
     ):
         with pytest.raises(regista.RefusedError) as raised:
@@ -239,7 +243,6 @@ def test_a_team_reads_all(port):
         for _ in range(2):
             team.add(regista.Robot("127.0.0.1", port))
         assert len(team) == 2
-        assert not team.read(timeout=0.05)
         bases = [robot.position2d() for robot in team]
         counts = [base.count for base in bases]
         end = time.monotonic() + 10

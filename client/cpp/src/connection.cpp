@@ -320,9 +320,11 @@ Result<std::vector<std::byte>> Connection::exchange(Address to, const AnyRequest
   });
   if (!sent) return sent.error();
   while (!answer) {
-    if (const Result<> taken = take_in(in_flight_->deadline); !taken && !answer) {
-      // Interrupted: nobody waits for the answer any more.
-      if (in_flight_) in_flight_->on_reply = [](const auto&) {};
+    Result<> taken = take_in(in_flight_->deadline);
+    // A signal may also have come while data did.
+    if (taken && !answer && interrupted()) taken = interruption();
+    if (!taken && !answer) {
+      if (in_flight_) in_flight_->on_reply = [](const auto&) {};  // nobody waits for it any more
       return taken.error();
     }
   }

@@ -29,10 +29,10 @@ from typing import Any, Generic, Literal, Self, TypeVar, cast, overload
 
 import regista
 from regista import _core, player, position2d
-from regista.errors import RefusedError, TimeoutError
+from regista.errors import RefusedError
 from regista.geometry import Pose2d
 from regista.message import Command, Data, Received, Request, Sample
-from regista.robot import PROPERTY_TYPES, DeviceInfo, to_path
+from regista.robot import PROPERTY_TYPES, DeviceInfo, not_there, to_path
 
 D = TypeVar("D", bound=Data)
 P = TypeVar("P", int, float, bool, str)
@@ -420,11 +420,7 @@ class Position2d(Device[regista.Position2d]):
             left = until - self.robot._loop.time()
             if left <= 0:
                 await self.stop()
-                host, port = self.proxy.robot.host, self.proxy.robot.port
-                reason = f"not there after {timeout:g} s"
-                raise TimeoutError(
-                    f"{self.address} at {host}:{port}: drive: {reason}", host, port, self.address, "drive", reason
-                )
+                raise not_there(self.proxy, timeout)
             await self.robot.read(left)
 
     async def geometry(self) -> position2d.Geometry:

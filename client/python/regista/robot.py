@@ -13,10 +13,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self, TypeVar, cast, overload
+from weakref import WeakValueDictionary
 
 from regista import _core, dio, gps, imu, kicker, opaque, player, position2d, power
 from regista._core import Position2d as CorePosition2d
-from regista.errors import RefusedError
+from regista.errors import RefusedError, TimeoutError
 from regista.geometry import Pose2d
 from regista.message import Command, Data, Received, Request, Sample
 
@@ -76,7 +77,8 @@ class Robot:
             raise ValueError(f'mode is "push" or "pull", not {mode!r}')
         self.host = host
         self.port = port
-        self._devices: dict[str, Device] = {}
+        # Weak: a device holds its robot, and a robot that nobody holds closes itself.
+        self._devices: WeakValueDictionary[str, Device] = WeakValueDictionary()
         self._core = _core.Robot(host, port, timeout, name or _own_name(), priority, mode == "pull", reconnect)
 
     def __enter__(self) -> Self:
@@ -385,7 +387,7 @@ class Position2d(Device):
         Raises TimeoutError after stopping the base; RefusedError with the reason when somebody or something stops it on
         the way.
         """
-        self._core.follow([(x, y, heading)], timeout, (distance_m, heading_rad))
+        self.follow([(x, y, heading)], timeout=timeout, distance_m=distance_m, heading_rad=heading_rad)
 
     def follow(
         self,
@@ -396,7 +398,14 @@ class Position2d(Device):
         heading_rad: float = 0.1,
     ) -> None:
         """The same along poses or (x, y[, heading]); the headings count only at the end."""
-        self._core.follow(to_path(path), timeout, (distance_m, heading_rad))
+        follower = _core.Follower(self._core, to_path(path), (distance_m, heading_rad))
+        until = time.monotonic() + timeout
+        while not follower.step():
+            left = until - time.monotonic()
+            if left <= 0:
+                self.stop()
+                raise not_there(self, timeout)
+            self.robot.read(left)
 
     def geometry(self) -> position2d.Geometry:
         """Where the base is on the robot, and how large."""
@@ -674,6 +683,13 @@ def to_path(path: Iterable[Pose2d | Sequence[float]]) -> list[tuple[float, float
         x, y, *heading = (pose.x, pose.y, pose.heading) if isinstance(pose, Pose2d) else pose
         triples.append((x, y, heading[0] if heading else 0.0))
     return triples
+
+
+def not_there(base: Position2d, timeout: float) -> TimeoutError:
+    """The error of a destination that was not reached."""
+    host, port, reason = base.robot.host, base.robot.port, f"not there after {timeout:g} s"
+    text = f"{base.address} at {host}:{port}: drive: {reason}"
+    return TimeoutError(text, host, port, base.address, "drive", reason)
 
 
 def _own_name() -> str:

@@ -84,8 +84,9 @@ void write_enum() {
 template <typename T>
 std::string quoted(std::string_view from) {
   const bool here = from == module_name<T>();
-  if (!here) modules[from].imports.insert("from regista." + std::string{module_name<T>()} + " import " +
-                                          std::string{class_name<T>()});
+  if (!here)
+    modules[from].imports.insert("from regista." + std::string{module_name<T>()} + " import " +
+                                 std::string{class_name<T>()});
   return std::string{class_name<T>()};
 }
 
@@ -161,7 +162,8 @@ void write_class() {
     constexpr Message m = T::message;
     constexpr std::array<std::string_view, 4> kinds{"", "Data", "Command", "Request"};
     base = "message." + std::string{kinds[static_cast<std::size_t>(m.kind)]};
-    title = std::string{kinds[static_cast<std::size_t>(m.kind)]} + " `" + std::string{m.name} + "` of " + std::string{interface_name(m.interface)};
+    title = std::string{kinds[static_cast<std::size_t>(m.kind)]} + " `" + std::string{m.name} + "` of " +
+            std::string{interface_name(m.interface)};
     if constexpr (m.kind == Kind::command) {
       title += m.flow == Flow::set_point ? ": the newest counts" : ": happens once";
       title += ", group " + std::string{m.group};
@@ -185,15 +187,15 @@ void write_class() {
     docs << "        " << field.name << ':' << (doc.empty() ? "" : " ") << doc.substr(0, doc.find_last_not_of(' ') + 1)
          << '\n';
   });
-  module.text << "\n\n@dataclass(slots=True, eq=False)\nclass " << class_name<T>() << '(' << base << "):\n    \"\"\"" << title
-              << '.';
+  module.text << "\n\n@dataclass(slots=True, eq=False)\nclass " << class_name<T>() << '(' << base << "):\n    \"\"\""
+              << title << '.';
   if (field_count<T> > 0) module.text << "\n\n    Attributes:\n" << docs.str() << "    ";
   module.text << "\"\"\"\n" << constants << (body.str().empty() ? "" : "\n") << body.str();
 }
 
 template <InterfaceType I>
 bool write_interface() {
-  [&]<typename... Ms>(TypeList<Ms...>) { 
+  [&]<typename... Ms>(TypeList<Ms...>) {
     (
         [] {
           if constexpr (python::has_class<Ms>) write_class<Ms>();
@@ -216,7 +218,8 @@ int main(int argc, char** argv) {
   for (const auto& [name, module] : modules) {
     std::ofstream file{folder / (std::string{name} + ".py")};
     file << "# SPDX-License-Identifier: Apache-2.0\n"
-            "# Generated from the descriptions of the messages, interfaces/include/regista/interfaces: change them there.\n"
+            "# Generated from the descriptions of the messages, interfaces/include/regista/interfaces: change them "
+            "there.\n"
          << "\"\"\"";
     if (name == "geometry") {
       file << "Plain values of several interfaces.";

@@ -28,9 +28,7 @@ PyObject* const* attributes_of() {
     std::array<PyObject*, field_count<T>> list{};
     std::size_t i = 0;
     std::apply(
-        [&](const auto&... field) {
-          ((list[i++] = PyUnicode_InternFromString(std::string{field.name}.c_str())), ...);
-        },
+        [&](const auto&... field) { ((list[i++] = PyUnicode_InternFromString(std::string{field.name}.c_str())), ...); },
         fields<T>);
     return list;
   }();
@@ -149,7 +147,8 @@ void read(const py::handle& value, T& out, const Path& path) {
       mismatch(PyExc_TypeError, path.text(), "wants a str, not '" + type_of(value) + "'");
     }
     const py::object bytes = owned(PyUnicode_AsEncodedString(value.ptr(), "utf-8", "surrogateescape"));
-    out = Text{std::string_view{PyBytes_AS_STRING(bytes.ptr()), static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr()))}};
+    out =
+        Text{std::string_view{PyBytes_AS_STRING(bytes.ptr()), static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr()))}};
   } else if constexpr (std::same_as<T, std::vector<std::uint8_t>>) {
     Py_buffer view{};
     if (PyObject_GetBuffer(value.ptr(), &view, PyBUF_SIMPLE) != 0) {
@@ -197,7 +196,8 @@ void read(const py::handle& value, T& out, const Path& path) {
     }
   } else {
     int overflow = 0;
-    const long long number = PyIndex_Check(value.ptr()) != 0 ? PyLong_AsLongLongAndOverflow(value.ptr(), &overflow) : -1;
+    const long long number =
+        PyIndex_Check(value.ptr()) != 0 ? PyLong_AsLongLongAndOverflow(value.ptr(), &overflow) : -1;
     if (PyIndex_Check(value.ptr()) == 0 || PyErr_Occurred() != nullptr) {
       mismatch(PyExc_TypeError, path.text(), "wants a whole number, not '" + type_of(value) + "'");
     }

@@ -18,7 +18,8 @@ py::object to_python(AnyReply&& reply);
 py::object to_python(player::Motion&& motion);
 py::object to_python(player::Event&& event);
 
-/// The subtype of a class of data, or of Player's name for it such as "STATE"; throws TypeError when it is none of this interface.
+/// The subtype of a class of data, or of Player's name for it such as "STATE"; throws TypeError when it is none of this
+/// interface.
 std::uint8_t data_subtype(const py::handle& type, std::uint16_t interface);
 
 /// The subtype of an interface's first data message: its state. 0: it has none.

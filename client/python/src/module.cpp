@@ -75,8 +75,8 @@ py::object to_exception(const client::Error& error) {
   throw py::error_already_set{};
 }
 
-/// A function of Python that C++ may keep, copy and forget without the GIL. It is called as function(value, error); what
-/// it raises is told and forgotten.
+/// A function of Python that C++ may keep, copy and forget without the GIL. It is called as function(value, error);
+/// what it raises is told and forgotten.
 class Callback {
  public:
   explicit Callback(const py::function& function)
@@ -219,19 +219,19 @@ class Robot {
   void post(Address to, const AnyRequest& request, const py::function& on_reply) {
     use([&] {
       const client::Connection& connection = robot().connection();
-      client::Error::Context context{connection.host(), connection.port(), to == client::server_address ? "" : to_string(to),
-                                     std::string{name_of(request)}};
-      const Result<> sent = robot().connection().post(
-          to, request,
-          [context, decode = reply_decoder(request), call = Callback{on_reply}](
-              const Result<std::span<const std::byte>>& body) {
-            const Result<AnyReply> reply = body ? decode(*body) : body.error();
-            if (reply) {
-              call(context, [&] { return to_python(AnyReply{*reply}); });
-            } else {
-              call(context, reply.error());
-            }
-          });
+      client::Error::Context context{connection.host(), connection.port(),
+                                     to == client::server_address ? "" : to_string(to), std::string{name_of(request)}};
+      const Result<> sent =
+          robot().connection().post(to, request,
+                                    [context, decode = reply_decoder(request),
+                                     call = Callback{on_reply}](const Result<std::span<const std::byte>>& body) {
+                                      const Result<AnyReply> reply = body ? decode(*body) : body.error();
+                                      if (reply) {
+                                        call(context, [&] { return to_python(AnyReply{*reply}); });
+                                      } else {
+                                        call(context, reply.error());
+                                      }
+                                    });
       if (!sent) client::raise(context, sent.error());
     });
   }
@@ -322,8 +322,7 @@ class Robot {
 class Device {
  public:
   Device(std::shared_ptr<Robot> robot, const std::string& address)
-      : robot_{std::move(robot)},
-        proxy_{robot_->wait([&] { return &robot_->robot().device(to_address(address)); })} {}
+      : robot_{std::move(robot)}, proxy_{robot_->wait([&] { return &robot_->robot().device(to_address(address)); })} {}
 
   [[nodiscard]] std::string address() const { return to_string(proxy_->address()); }
   [[nodiscard]] const std::string& driver() const { return proxy_->driver(); }
@@ -338,8 +337,12 @@ class Device {
     return data_subtype(type, proxy_->address().interface);
   }
   /// (value, count, arrival, stamp), the same objects until another comes.
-  py::tuple latest(std::uint8_t subtype) { return use([&] { return cached(subtype).sample; }); }
-  py::object value(std::uint8_t subtype) { return use([&] { return cached(subtype).value; }); }
+  py::tuple latest(std::uint8_t subtype) {
+    return use([&] { return cached(subtype).sample; });
+  }
+  py::object value(std::uint8_t subtype) {
+    return use([&] { return cached(subtype).value; });
+  }
 
   void send(const py::handle& message) {
     const AnyCommand command = to_command(message);
@@ -426,7 +429,8 @@ class Device {
     const std::uint64_t count = proxy_->count_of(subtype);
     if (!cached.value || cached.count != count) {
       std::optional<client::AnySample> sample = proxy_->latest_of(subtype);
-      if (!sample) throw py::key_error{to_string(proxy_->address()) + " has no data of subtype " + std::to_string(subtype)};
+      if (!sample)
+        throw py::key_error{to_string(proxy_->address()) + " has no data of subtype " + std::to_string(subtype)};
       cached.count = count;
       cached.value = to_python(std::move(sample->value));
       cached.sample = py::make_tuple(cached.value, sample->count, to_seconds(sample->arrival), sample->stamp_s);
@@ -456,12 +460,6 @@ class Position2d final : public Device {
   }
   bool is_at(const Pose2d& goal, const client::Tolerance& tolerance) {
     return use([&] { return base().is_at(goal, tolerance); });
-  }
-  void follow(const std::vector<Pose2d>& path, double timeout, const client::Tolerance& tolerance) {
-    robot_->wait([&] {
-      require_connected();
-      base().follow(path, to_duration(timeout, "timeout"), tolerance);
-    });
   }
   void set_odometry(const Pose2d& pose) {
     robot_->wait([&] {
@@ -520,8 +518,10 @@ PYBIND11_MODULE(_core, m) {
       .def(py::init<std::string, std::uint16_t, double, std::string, std::int32_t, bool, bool>())
       .def("close", &Robot::close)
       .def("open", &Robot::open)
-      .def("post", [](Robot& robot, const py::handle& request,
-                      const py::function& on_reply) { robot.post(client::server_address, to_request(request), on_reply); })
+      .def("post",
+           [](Robot& robot, const py::handle& request, const py::function& on_reply) {
+             robot.post(client::server_address, to_request(request), on_reply);
+           })
       .def("read", &Robot::read)
       .def("record", &Robot::record)
       .def("messages",
@@ -555,8 +555,8 @@ PYBIND11_MODULE(_core, m) {
            })
       .def_property_readonly("connected",
                              [](Robot& robot) { return robot.use([&] { return robot.robot().connected(); }); })
-      .def_property_readonly("server",
-                             [](Robot& robot) { return robot.use([&] { return robot.robot().connection().server(); }); })
+      .def_property_readonly(
+          "server", [](Robot& robot) { return robot.use([&] { return robot.robot().connection().server(); }); })
       .def_property_readonly(
           "extended", [](Robot& robot) { return robot.use([&] { return robot.robot().connection().extended(); }); })
       .def_property_readonly(
@@ -593,19 +593,17 @@ PYBIND11_MODULE(_core, m) {
       .def("stop", &Position2d::stop)
       .def("is_at", [pose, tolerance](Position2d& base, const Three& goal,
                                       const Two& near) { return base.is_at(pose(goal), tolerance(near)); })
-      .def("follow", [poses, tolerance](Position2d& base, const std::vector<Three>& path, double timeout,
-                                        const Two& near) { base.follow(poses(path), timeout, tolerance(near)); })
       .def("set_odometry", [pose](Position2d& base, const Three& here) { base.set_odometry(pose(here)); });
 
   py::class_<Follower>{m, "Follower"}
-      .def(py::init([poses, tolerance](std::shared_ptr<Position2d> base, const std::vector<Three>& path,
-                                       const Two& near) {
-        return std::make_unique<Follower>(std::move(base), poses(path), tolerance(near));
-      }))
+      .def(py::init(
+          [poses, tolerance](std::shared_ptr<Position2d> base, const std::vector<Three>& path, const Two& near) {
+            return std::make_unique<Follower>(std::move(base), poses(path), tolerance(near));
+          }))
       .def("step", &Follower::step);
 
-
-  m.def("device_name", [](std::uint16_t interface, std::uint16_t index) { return to_string(Address{interface, index}); });
+  m.def("device_name",
+        [](std::uint16_t interface, std::uint16_t index) { return to_string(Address{interface, index}); });
   m.def("device_code", [](const std::string& address) {
     const auto [interface, index] = to_address(address);
     return std::pair{interface, index};

@@ -30,8 +30,8 @@ consteval std::string_view module_name() {
   return end == std::string_view::npos ? "geometry" : rest.substr(0, end);
 }
 
-/// The messages that Python knows as classes: what a program may send, ask or read. Properties have methods instead, and
-/// a SYNCH is the connection's own.
+/// The messages that Python knows as classes: what a program may send, ask or read. Properties have methods instead,
+/// and a SYNCH is the connection's own.
 template <MessageType M>
 inline constexpr bool has_class = module_name<M>() != "property" && M::message.kind != Kind::synch;
 
