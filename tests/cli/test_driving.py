@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 import regista
-from conftest import Terminal, owned, run, wait_for
+from command_line import Terminal, owned, run, wait_for
 from regista.cli.teleop import AXES, BUTTONS, EV_ABS, EV_KEY, EVENT
 
 

@@ -3,20 +3,21 @@
 
 import contextlib
 import math
+import os
 import re
 import signal
 import socket
 import subprocess
 import time
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 import regista
-from conftest import REGISTA, ROOT, Server, environment, owned, run, wait_for
+from command_line import REGISTA, ROOT, Server, by_pypi, environment, owned, run, wait_for
 from mcap.reader import make_reader
 from regista import position2d
 from regista.recording import Channel, Recorder, Recording, schema, write
-from test_recorder import by_pypi
 
 
 def driven(server, seconds):
@@ -80,6 +81,11 @@ def test_record_on_a_full_disk_tells_and_ends_with_1(sim):
     assert re.search(r"0 bytes, [1-9]\d* dropped; the end is missing: No space left on device", done.stderr)
 
 
+def test_record_of_a_device_that_is_not_there_leaves_no_file(sim, tmp_path):
+    done = sim.run("record", tmp_path / "x.mcap", "imu:7")
+    assert done.returncode == 4 and "imu:7" in done.stderr and not list(tmp_path.iterdir())
+
+
 def test_record_ends_well_with_ctrl_c(sim, tmp_path):
     path = tmp_path / "short.mcap"
     process = sim.start("record", path, "power", "position2d", stderr=subprocess.PIPE)
@@ -96,6 +102,7 @@ def test_record_killed_keeps_all_but_the_last_second(sim, tmp_path):
     path = tmp_path / "killed.mcap"
     process = sim.start("record", path)
     wait_for(lambda: path.exists() and path.stat().st_size > 20_000)
+    wait_for(lambda: time.time() - path.stat().st_mtime > 0.3)  # not just after it wrote
     killed = time.time_ns()
     process.kill()
     process.wait()
@@ -280,6 +287,16 @@ def test_replay_on_a_port_of_somebody_else(lap):
     assert done.returncode == 1 and "in use" in done.stderr
 
 
+def test_replay_tells_when_its_server_ends(tmp_path):
+    path = tmp_path / "steady.mcap"
+    steady(path)
+    with replaying(path) as (process, _):
+        (server,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        os.kill(int(server), signal.SIGKILL)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1 and "regista-server has ended" in errors
+
+
 def test_replay_needs_a_recording(tmp_path):
     assert run("replay", tmp_path / "none.mcap").returncode == 1
     empty = tmp_path / "empty.mcap"
@@ -297,6 +314,7 @@ def test_replay_moves_a_robot_only_when_told(fresh, tmp_path):
     for i in range(100):
         recorder.put(channel, write(state), i * 10_000_000, i * 10_000_000)
     recorder.close()
+    assert run("replay", path, "--to", "127.0.0.1:1", "--move").returncode == 3
     refused = run("replay", path, "--to", fresh.robot)
     assert refused.returncode == 4 and "--move" in refused.stderr
     with regista.Robot("127.0.0.1", fresh.port) as robot:

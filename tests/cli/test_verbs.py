@@ -6,12 +6,14 @@ import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import time
 
 import pytest
 import regista
-from conftest import REGISTA, environment, run, wait_for
+from command_line import REGISTA, ROOT, Server, Terminal, environment, run, wait_for
+from scripted import ACK, REQUEST, ScriptedServer, state
 
 NOBODY = "127.0.0.1:1"  # nobody listens there
 
@@ -74,8 +76,6 @@ def test_print_of_a_device_that_is_not_there(sim):
 
 
 def test_print_of_a_device_that_says_nothing(tmp_path):
-    from conftest import Server
-
     config = tmp_path / "mute.cfg"
     os.mkfifo(tmp_path / "frames")
     config.write_text('driver ( name "playback" provides ["power:0"] input "frames" )\n')
@@ -100,8 +100,6 @@ def test_status_clients_and_doctor(fresh):
 
 
 def test_doctor_finds_a_fault(tmp_path):
-    from conftest import Server
-
     (tmp_path / "empty").write_bytes(b"")
     config = tmp_path / "faulty.cfg"
     config.write_text('driver ( name "playback" provides ["position2d:0"] input "empty" alwayson yes )\n')
@@ -222,6 +220,14 @@ def test_nobody_answers(verb, tmp_path):
     assert done.stdout == "" and not list(tmp_path.iterdir())
 
 
+def test_nobody_answers_who_could_be_driven():
+    with Terminal("drive", "--robot", NOBODY) as terminal:
+        assert terminal.end() == 3
+        assert NOBODY in terminal.shown
+    done = run("joy", "--pad", "/dev/null", "--robot", NOBODY)
+    assert done.returncode == 3 and NOBODY in done.stderr
+
+
 def test_a_host_that_does_not_exist():
     done = run("list", "--robot", "no-such-robot.invalid")
     assert done.returncode == 3 and "no-such-robot.invalid" in done.stderr
@@ -280,12 +286,67 @@ def test_a_reader_that_has_enough_is_no_failure(sim):
     assert len(done.stdout.splitlines()) == 2 and done.stderr == ""
 
 
+READING = ["list", "info position2d", "print power", "status", "clients", "doctor", "get position2d noise", "odom"]
+
+
+@pytest.mark.parametrize("verb", [*READING, "status --json", "bench -n 10", f"wire decode {MESSAGE}"])
+def test_a_reader_that_has_gone_is_no_failure(sim, verb):
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        robot = {} if verb.startswith("wire") else {"REGISTA_ROBOT": sim.robot}
+        done = run(*verb.split(), env=robot, capture_output=False, stdout=writer, stderr=subprocess.PIPE)
+    finally:
+        os.close(writer)
+    assert done.returncode == 0 and done.stderr == ""
+
+
 def test_ctrl_c_ends_with_130(sim):
     process = sim.start("print", "position2d", "--json", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert json.loads(process.stdout.readline())
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130 and "Traceback" not in errors
+
+
+def test_watching_ends_with_ctrl_c(sim):
+    with Terminal("status", "--watch", "--robot", sim.robot) as terminal:
+        terminal.wait_for("simulated_base")
+        os.killpg(terminal.process.pid, signal.SIGINT)
+        assert terminal.end() == 130
+
+
+@pytest.fixture
+def stock():
+    """A Player server without our extension, as far as these verbs need it."""
+
+    def serve(peer):
+        while True:
+            message = peer.next()
+            if message.interface == 1 and message.subtype == 1:  # DEVLIST: position2d:0
+                peer.answer(message, ACK, struct.pack(">2I4I", 1, 1, 0, 0, 4, 0))
+            elif message.interface == 1 and message.subtype == 2:  # DRIVERINFO
+                peer.answer(message, ACK, message.body[:16] + struct.pack(">II4s", 3, 3, b"p2\0"))
+            else:
+                peer.serve(message)
+            if message.interface == 1 and message.subtype == 3 and message.kind == REQUEST:
+                for x in range(3):
+                    peer.socket.sendall(state(x, stamp=1000 + x))
+
+    server = ScriptedServer(serve)
+    yield f"127.0.0.1:{server.port}"
+    server.close()
+
+
+def test_a_stock_player_server(stock):
+    done = run("list", "--robot", stock)
+    assert done.returncode == 0 and done.stdout.split() == ["DEVICE", "DRIVER", "position2d:0", "p2"]
+    done = run("print", "position2d", "-n", 1, "--json", "--robot", stock)
+    assert json.loads(done.stdout)["pose"]["x"] == 2  # what came while it subscribed: the newest
+    done = run("doctor", "--robot", stock)
+    assert done.returncode == 0 and "WARN  server: a stock Player server" in done.stdout
+    done = run("status", "--robot", stock)
+    assert done.returncode == 4 and stock in done.stderr
 
 
 def test_no_color_and_pipes_have_no_escapes(sim):
@@ -299,8 +360,6 @@ def test_completion_scripts():
 
 
 def test_a_server_that_goes_away_while_printing(tmp_path):
-    from conftest import ROOT, Server
-
     with Server(ROOT / "examples/sim.cfg") as server:
         process = server.start("print", "position2d", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         process.stdout.readline()

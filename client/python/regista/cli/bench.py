@@ -98,7 +98,7 @@ def echo(size: int) -> Iterator[Callable[[], object]]:
 
 def bench(
     robot: RobotOption = LOCALHOST,
-    count: Annotated[int, typer.Option("--count", "-n", min=10, help="Questions.")] = 2000,
+    count: Annotated[int, typer.Option("--count", "-n", metavar="N", min=10, help="Questions.")] = 2000,
     json: JsonOption = False,
     timeout: TimeoutOption = 2.0,
 ) -> None:

@@ -69,7 +69,7 @@ def set_(
 
 
 def odom(
-    device: Annotated[str, typer.Argument(metavar="[DEVICE]", help="Which position2d.")] = "position2d:0",
+    device: Annotated[str, typer.Argument(metavar="DEVICE", help="Which position2d.")] = "position2d:0",
     robot: RobotOption = LOCALHOST,
     reset: Annotated[bool, typer.Option("--reset", help="The robot is at the origin now.")] = False,
     place: Annotated[

@@ -83,9 +83,7 @@ def connect(robot: str, verb: str, *, timeout: float = 2.0, priority: int = 10, 
     with contextlib.suppress(OSError, KeyError):
         verb = f"{verb} {getpass.getuser()}"
     robot_name = f"{verb}@{socket.gethostname()}"[:63]
-    connection = regista.Robot(host, port, timeout=timeout, name=robot_name, priority=priority, **options)
-    connection.record()
-    return connection
+    return regista.Robot(host, port, timeout=timeout, name=robot_name, priority=priority, **options)
 
 
 def parse_device(text: str) -> str:
@@ -165,7 +163,9 @@ def examples(*lines: str) -> str:
 
 
 def messages(connection: regista.Robot, *, until: float, first: bool = False) -> Iterator[regista.Received]:
-    """The data that come until that time of the monotonic clock; with `first`, only until some have come."""
+    """The data that come until that time of the monotonic clock; with `first`, only until some have come.
+
+    After `connection.record()`."""
     while (left := until - time.monotonic()) > 0:
         connection.read(timeout=left)
         some = False
@@ -178,5 +178,6 @@ def messages(connection: regista.Robot, *, until: float, first: bool = False) ->
 
 def wait(connection: regista.Robot, seconds: float) -> None:
     """Without losing the connection: its own keep-alives and time-outs go on."""
-    for _ in messages(connection, until=time.monotonic() + seconds):
-        pass
+    until = time.monotonic() + seconds
+    while (left := until - time.monotonic()) > 0:
+        connection.read(timeout=left)

@@ -121,6 +121,7 @@ def listen(connection: regista.Robot, status: dict[str, Any]) -> Iterator[Findin
         if driver["open"] and driver["rate_hz"] > 0
         for device in driver["devices"]
     }
+    connection.record()
     for name in patience:
         connection.device(name)
     began, silent, offset = time.monotonic(), dict(patience), 0.0

@@ -141,7 +141,7 @@ def ends_on_signals() -> Iterator[None]:
 
 
 def drive(
-    device: Annotated[str, typer.Argument(metavar="[DEVICE]", help="Which position2d.")] = "position2d:0",
+    device: Annotated[str, typer.Argument(metavar="DEVICE", help="Which position2d.")] = "position2d:0",
     robot: RobotOption = LOCALHOST,
     speed: Annotated[float, typer.Option("--speed", min=0.01, max=10, metavar="M/S", help="Ahead and sideways.")] = 0.3,
     turn: Annotated[float, typer.Option("--turn", min=0.01, max=20, metavar="RAD/S", help="When turning.")] = 0.8,

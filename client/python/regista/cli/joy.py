@@ -62,7 +62,7 @@ def _code(name: str, known: dict[str, int], option: str) -> int:
 
 
 def joy(
-    device: Annotated[str, typer.Argument(metavar="[DEVICE]", help="Which position2d.")] = "position2d:0",
+    device: Annotated[str, typer.Argument(metavar="DEVICE", help="Which position2d.")] = "position2d:0",
     robot: RobotOption = LOCALHOST,
     pad: Annotated[
         Path | None, typer.Option("--pad", metavar="FILE", help="Its event device; default: the first gamepad.")

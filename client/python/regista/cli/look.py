@@ -40,6 +40,7 @@ def info(
     Its driver, where it is on the robot, who drives it, how often it speaks."""
     name = common.parse_device(device)
     with common.connect(robot, "info", timeout=timeout) as connection:
+        connection.record()
         proxy = connection.device(name)
         told: dict[str, Any] = {"device": name, "driver": proxy.driver}
         motion = proxy.motion()
@@ -75,12 +76,13 @@ def print_device(
     rate: Annotated[
         float | None, typer.Option("--rate", "-p", min=0.01, metavar="HZ", help="At most so many a second, the newest.")
     ] = None,
-    count: Annotated[int | None, typer.Option("--count", "-n", min=1, help="End after so many.")] = None,
+    count: Annotated[int | None, typer.Option("--count", "-n", metavar="N", min=1, help="End after so many.")] = None,
     timeout: TimeoutOption = 2.0,
 ) -> None:
     """Print what a device says, until Ctrl-C."""
     name = common.parse_device(device)
     with common.connect(robot, "print", timeout=timeout) as connection:
+        connection.record()
         connection.device(name)
         printed, next_at = 0, time.monotonic()
         deadline = time.monotonic() + timeout

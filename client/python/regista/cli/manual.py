@@ -65,7 +65,11 @@ def _sections(epilog: str) -> list[tuple[str, list[str]]]:
 
 def markdown() -> str:
     """One page with all verbs."""
-    out = ["# The command line\n", "Written from the texts of `--help` by `python -m regista.cli.manual markdown`.\n"]
+    out = [
+        "# The command line\n",
+        "The texts of `--help` on one page. `regista --install-completion` teaches your shell the verbs;\n"
+        "`python -m regista.cli.manual man FOLDER` writes man pages.\n",
+    ]
     for page in pages():
         out.append(f"## {page.name}\n")
         out.append(f"{page.text}\n\n```text\n{page.name} {page.usage}\n```\n")

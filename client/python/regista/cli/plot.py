@@ -145,7 +145,7 @@ def plot(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An MCAP file of `regista record`.")],
     fields: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[FIELD]...", help="What to draw over time, such as power:0.voltage_v."),
+        typer.Argument(metavar="FIELD", help="What to draw over time, such as power:0.voltage_v."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="PICTURE", help="PNG, SVG or PDF; default: FILE.svg.")

@@ -83,7 +83,7 @@ def _name(device: str, kind: Any) -> str:
 def record(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Such as lap.mcap.")],
     devices: Annotated[
-        list[str] | None, typer.Argument(metavar="[DEVICE]...", help="Only these; default: all of the robot.")
+        list[str] | None, typer.Argument(metavar="DEVICE", help="Only these; default: all of the robot.")
     ] = None,
     robot: RobotOption = LOCALHOST,
     seconds: Annotated[float | None, typer.Option("--for", min=0.1, metavar="S", help="End after so long [s].")] = None,
@@ -100,31 +100,43 @@ def record(
         names = [common.parse_device(name) for name in devices or []] or [d.address for d in connection.devices()]
         if not names:
             common.fail(common.FAILED, f"{robot} has no devices")
+        connection.record()
+        answers = open_devices(connection, names, needed=bool(devices))
         try:
             recorder = Recorder(file, overwrite=force, on_notice=common.note)
         except FileExistsError:
             common.fail(common.FAILED, f"{file} is already there; choose another name, or --force to overwrite it")
-        trouble = None
         try:
             log = Log(recorder)
-            open_devices(connection, names, log)
+            for answer in answers:
+                log.answer(*answer)
             with ends_on_signals(), contextlib.suppress(KeyboardInterrupt):
                 _loop(connection, recorder, log, seconds)
         finally:
             trouble = recorder.close()
-    summary = f"{file}: {recorder.written} messages, {recorder.size} bytes, {recorder.dropped} dropped"
+        dropped = recorder.dropped + connection.counters()["overflows"]
+    summary = f"{file}: {recorder.written} messages, {recorder.size} bytes, {dropped} dropped"
     if trouble is not None:
         common.fail(common.FAILED, f"{summary}; the end is missing: {trouble.strerror}")
     common.note(summary)
 
 
-def open_devices(connection: regista.Robot, names: list[str], log: Log) -> None:
-    """Subscribe, and ask each device once what it is."""
+def open_devices(connection: regista.Robot, names: list[str], *, needed: bool) -> list[tuple[str, Any, Any]]:
+    """Subscribe, and ask each device what it is: the devices, questions and answers. Those that refuse are left out,
+    unless they are needed."""
+    answers = []
     for name in names:
-        proxy = connection.device(name)
+        try:
+            proxy = connection.device(name)
+        except regista.RefusedError as error:
+            if needed:
+                raise
+            common.note(f"not recorded: {error}")
+            continue
         for request in recording.descriptions(name.partition(":")[0]):
             with contextlib.suppress(regista.RefusedError):
-                log.answer(name, request, proxy.request(request))
+                answers.append((name, request, proxy.request(request)))
+    return answers
 
 
 def _loop(connection: regista.Robot, recorder: Recorder, log: Log, seconds: float | None) -> None:

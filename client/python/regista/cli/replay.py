@@ -141,7 +141,7 @@ def refuse_beside_live(port: int, sim: bool) -> None:
 def replay(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An MCAP file of `regista record`.")],
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Where to serve; 0: any free one.")
+        int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="Where to serve; 0: any free one.")
     ] = common.PORT,
     rate: Annotated[float, typer.Option("--rate", min=0.01, max=1000, metavar="X", help="2: twice as fast.")] = 1.0,
     start: Annotated[float, typer.Option("--start", min=0, metavar="S", help="Begin there [s].")] = 0.0,
@@ -161,7 +161,7 @@ def replay(
     velocities are sent to a robot instead."""
     source = Recording(file)
     cut = Cut(start, end, rate)
-    devices = list(dict.fromkeys(record.metadata["device"] for _, record in data_records(source, Cut())))
+    devices = sorted({record.metadata["device"] for _, record in data_records(source, Cut())})
     if not devices:
         common.fail(common.FAILED, f"{file} holds no data of devices; was it made by `regista record`?")
     with ends_on_signals():
@@ -212,16 +212,25 @@ def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: boo
         common.note(f"serving {', '.join(devices)} on {endpoint}")
         if wait:
             _wait_for_client(endpoint)
-        with _progress(source, cut) as progress:
-            count, shown, latest = 0, 0.0, 0.0
+        count, shown, latest = 0, 0.0, 0.0
+        with _progress(source, cut) as progress, _server_lives():
             for offset, late, record in _rounds(source, cut, loop):
-                os.write(feed.fileno(), frame(record))
+                feed.write(frame(record))
+                feed.flush()
                 count += 1
                 latest = max(latest, late)
                 if not progress.disable and time.monotonic() - shown > 0.2:
                     shown = time.monotonic()
                     progress.update(progress.task_ids[0], completed=offset, count=count)
     common.note(f"{count} messages, at most {common.duration(latest)} late")
+
+
+@contextlib.contextmanager
+def _server_lives() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        common.fail(common.FAILED, "regista-server has ended before the recording")
 
 
 def _wait_for_client(endpoint: str) -> None:

@@ -26,7 +26,7 @@ wire = typer.Typer(help="Player's wire format as JSON, and back.", rich_markup_m
 )
 def decode(
     messages: Annotated[
-        list[str] | None, typer.Argument(metavar="[HEX]...", help="Whole messages, header and body.")
+        list[str] | None, typer.Argument(metavar="HEX", help="Whole messages, header and body.")
     ] = None,
 ) -> None:
     """Messages in hex, from the arguments or one a line from standard input, to JSON."""

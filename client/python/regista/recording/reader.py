@@ -29,16 +29,23 @@ class Record:
     schema: str
     schema_data: dict[str, Any]
     metadata: dict[str, str]
-    log_time_ns: int  # since the epoch: when it was read
-    publish_time_ns: int  # since the epoch: the server's stamp
+    log_time_ns: int
+    """Since the epoch: when it was read."""
+    publish_time_ns: int
+    """Since the epoch: the server's stamp."""
     message: dict[str, Any]
 
 
 class Recording:
-    """The messages of an MCAP file, in the order in which they came. ``complete`` is False after reading one that was
-    cut: by a power failure, a full disk, or because it is still being written.
+    """The messages of an MCAP file, in the order in which they came: iterate over it.
 
-    Raises OSError when it cannot be opened and ValueError when it is no MCAP file."""
+    `complete` is False after reading a file that was cut: by a power failure, a full disk, or because it is still being
+    written.
+
+    Raises:
+        OSError: It cannot be opened.
+        ValueError: It is no MCAP file.
+    """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)

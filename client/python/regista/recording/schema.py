@@ -80,7 +80,8 @@ def _messages(interface: str, base: type[S]) -> list[type[S]]:
 @_cache
 def _hints(kind: type[message.Struct]) -> dict[str, Any]:
     hints = typing.get_type_hints(kind)
-    return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
+    fields = dataclasses.fields(typing.cast(Any, kind))  # all messages are dataclasses, though Struct is none
+    return {field.name: hints[field.name] for field in fields}
 
 
 def _title(kind: type[message.Struct]) -> str:

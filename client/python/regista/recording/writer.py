@@ -65,18 +65,35 @@ class _Buffer:
         return self._stored
 
 
+def _synchronise_folder(folder: Path) -> None:
+    """A file whose name is lost in a power cut is lost, too."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # not every file system can
+            raise
+    finally:
+        os.close(descriptor)
+
+
 class Recorder:
     """An MCAP file that grows while a robot is read.
 
-    ``put()`` never waits for the disk: it queues at most 8 MiB and drops what does not fit. A thread writes chunks of
+    `put()` never waits for the disk: it queues at most 8 MiB and drops what does not fit. A thread writes chunks of
     at most 64 KiB or half a second, each synchronised to the disk before the next begins, so that what is older than
     a second survives a power cut.
 
-    A full disk stops the recording, not the program: what comes meanwhile is dropped and counted, ``on_notice`` is
+    A full disk stops the recording, not the program: what comes meanwhile is dropped and counted, `on_notice` is
     told, and the recording goes on when there is space. The file can be read at any time.
 
-    :param path: must not exist yet, unless ``overwrite``; a device such as ``/dev/full`` may.
-    :param on_notice: called with a text on the recorder's thread when the recording stops or goes on.
+    Args:
+        path: Must not exist yet, unless `overwrite`; a device such as `/dev/full` may.
+        overwrite: Begin the file anew.
+        on_notice: Called with a text, on the recorder's thread, when the recording stops or goes on.
+
+    Raises:
+        FileExistsError: It is there already.
     """
 
     def __init__(
@@ -85,6 +102,7 @@ class Recorder:
         exclusive = 0 if overwrite or Path(path).is_char_device() else os.O_EXCL
         flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (os.O_TRUNC if overwrite else exclusive)
         self._file = os.open(path, flags, 0o666)
+        _synchronise_folder(Path(path).parent)
         self._on_notice = on_notice or (lambda _: None)
         self._queue: collections.deque[tuple[Channel, int, int, bytes]] = collections.deque()
         self._queued_bytes = 0
@@ -105,9 +123,14 @@ class Recorder:
     # The reader's thread.
 
     def put(self, channel: Channel, message: dict[str, Any], log_time_ns: int, publish_time_ns: int) -> bool:
-        """Record a message. Both times are since the epoch: when it was read here, and the server's stamp.
+        """Record a message. False: it was dropped, because the disk is full or slow.
 
-        False: it was dropped, because the disk is full or slow."""
+        Args:
+            channel: Which topic.
+            message: What the channel's schema describes, such as what `write()` returns.
+            log_time_ns: When it was read here, since the epoch.
+            publish_time_ns: The server's stamp, since the epoch.
+        """
         data = json.dumps(message, separators=(",", ":")).encode()
         with self._condition:
             if self._trouble is not None or self._queued_bytes + len(data) > QUEUE_BYTES:
@@ -155,13 +178,12 @@ class Recorder:
         while True:
             with self._condition:
                 self._condition.wait_for(lambda: self._queue or self._closing, timeout=self._patience())
-                items = list(self._queue)
-                self._queue.clear()
-                self._queued_bytes = 0
-                closing = self._closing and not items
-            for item in items:
+                item = self._queue.popleft() if self._queue else None
+                if item is not None:
+                    self._queued_bytes -= len(item[-1])
+            if item is not None:
                 self._write(*item)
-            if closing:
+            elif self._closing:
                 break
             if self._trouble is not None:
                 self._store()
