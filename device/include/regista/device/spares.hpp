@@ -28,13 +28,13 @@ class Spares<std::variant<Ms...>> {
   void assign(Variant& place, const M& message) {
     constexpr std::size_t kind = Variant{std::in_place_type<M>}.index();
     if (place.index() != kind) {
-      if (owns_memory[place.index()]) spares_[place.index()].push_back(std::move(place));
-      if (spares_[kind].empty()) {
-        place.template emplace<M>(message);
-        return;
+      Variant other{std::in_place_type<M>};
+      if (!spares_[kind].empty()) {
+        other = std::move(spares_[kind].back());
+        spares_[kind].pop_back();
       }
-      place = std::move(spares_[kind].back());
-      spares_[kind].pop_back();
+      place.swap(other);
+      if (owns_memory[other.index()]) spares_[other.index()].push_back(std::move(other));
     }
     *std::get_if<M>(&place) = message;
   }
