@@ -469,7 +469,11 @@ int device(const Arguments& a) {
   Slave* self = nullptr;
   std::optional<Emcy> raised;
   const auto written = [&](ObjectIndex object, ByteView data) -> std::optional<SdoAbort> {
-    std::cout << "written " << to_string(object) << " = " << format(self->dictionary().find(object)->type, data) << "\n"
+    const bool is_long = data.size() > 32;
+    std::cout << "written " << to_string(object) << " = "
+              << (is_long ? std::to_string(data.size()) + " bytes"
+                          : format(self->dictionary().find(object)->type, data))
+              << "\n"
               << std::flush;
     if (object == ObjectIndex{0x2002, 0}) {
       const auto code = static_cast<std::uint16_t>(get_le(data));

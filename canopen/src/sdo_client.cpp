@@ -40,7 +40,7 @@ Error SdoClient::error(std::error_code code, const std::string& more) const {
 
 void SdoClient::begin(ObjectIndex object, State state, CanFrame request, SdoDone done, Time now) {
   offset_ = 0;
-  toggle_ = crc_ = last_ = false;
+  toggle_ = crc_ = last_ = behind_ = false;
   sequence_ = 0;
   stalls_ = 0;
   announced_.reset();
@@ -106,7 +106,6 @@ void SdoClient::pop(Time now) {
   out_.reset();
   if (state_ == State::idle || state_ == State::settling) return;
   deadline_ = now + options_.timeout;
-  if (state_ == State::block_upload_segments) deadline_ = now + options_.timeout / 2;
   if (state_ == State::block_download_segments) stage_block_segment(now);
 }
 
@@ -157,7 +156,9 @@ void SdoClient::on_time(Time now) {
   // The last segment of a block may be what got lost: ask for it again, before it is too late for the node too.
   if (state_ == State::block_upload_segments && stalls_ < most_stalls) {
     ++stalls_;
-    return answer_block(now);
+    answer_block(now);
+    behind_ = true;  // what is still on its way belongs to the block that we gave up
+    return;
   }
   const auto waited = std::chrono::duration_cast<std::chrono::milliseconds>(options_.timeout).count();
   give_up(SdoAbort::timed_out,
@@ -365,7 +366,12 @@ void SdoClient::on_block_segment(const CanFrame& frame, Time now) {
   }
   const std::uint8_t sequence = frame.data[0] & 0x7FU;
   const bool is_last = (frame.data[0] & last_segment) != 0;
-  deadline_ = now + options_.timeout / 2;
+  deadline_ = now + options_.timeout;
+  behind_ = behind_ && sequence != 1;
+  if (behind_) {
+    ++strays_;
+    return;
+  }
   if (sequence == sequence_ + 1) {
     if (data_.size() > options_.most) return abort(SdoAbort::out_of_memory, now);
     data_.insert(data_.end(), frame.data.begin() + 1, frame.data.end());

@@ -288,6 +288,31 @@ TEST_F(Trace, goes_back_when_the_server_answers_a_block_early) {
   EXPECT_TRUE(results[0]);
 }
 
+// A block that came to a stand: what was asked for again is not mixed with what was still on its way.
+TEST_F(Trace, is_not_confused_by_segments_that_come_after_it_asked_again) {
+  client.upload(object, SdoTransfer::block, done, now);
+  (void)sent();
+  answer({0xC6, 0x01, 0x20, 0x00, 21, 0, 0, 0});
+  (void)sent();
+  answer({1, 1, 1, 1, 1, 1, 1, 1});
+  pass(500ms);
+  const std::vector<CanFrame> asked = sent();
+  ASSERT_EQ(asked.size(), 1U);
+  EXPECT_EQ(asked[0], make_frame(0x605, {0xA2, 1, 127, 0, 0, 0, 0, 0}));
+  answer({2, 2, 2, 2, 2, 2, 2, 2});
+  answer({3 | 0x80, 3, 3, 3, 3, 3, 3, 3});
+  EXPECT_TRUE(sent().empty()) << "a second answer would be for the block that follows";
+  answer({1, 2, 2, 2, 2, 2, 2, 2});
+  answer({2 | 0x80, 3, 3, 3, 3, 3, 3, 3});
+  ASSERT_EQ(sent().size(), 1U);
+  const Bytes whole{1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3};
+  const std::uint16_t crc = sdo_crc(whole);
+  answer({0xC1, static_cast<std::uint8_t>(crc), static_cast<std::uint8_t>(crc >> 8), 0, 0, 0, 0, 0});
+  ASSERT_EQ(results.size(), 1U);
+  ASSERT_TRUE(results[0]) << results[0].error().message();
+  EXPECT_EQ(*results[0], whole);
+}
+
 TEST_F(Trace, aborts_when_the_server_acknowledges_what_was_not_sent) {
   client.download(object, random_bytes(70), SdoTransfer::block, done, now);
   (void)sent();

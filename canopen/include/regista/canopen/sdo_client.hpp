@@ -109,6 +109,7 @@ class SdoClient {
   std::uint8_t block_size_ = 0;  ///< segments in a block
   std::uint8_t sequence_ = 0;    ///< of the last segment of the block
   int stalls_ = 0;
+  bool behind_ = false;  ///< segments are not ours until the first of a block
   std::uint64_t strays_ = 0;
 };
 
