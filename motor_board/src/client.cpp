@@ -49,7 +49,8 @@ Result<> BoardClient::receive(const Tick& tick) {
   silent_ = received_ > 0 ? Duration{} : silent_ + tick.dt;
   heard_ = heard_ || received_ > 0;
   if (silent_ <= (heard_ ? patience : first_patience)) return {};
-  return Error{std::errc::timed_out, "the motor board on " + name() + " is silent; is it powered, and the cable right?"};
+  return Error{std::errc::timed_out,
+               "the motor board on " + name() + " is silent; is it powered, and the cable right?"};
 }
 
 Result<> BoardClient::send(MotorBoardCommand command) {

@@ -17,7 +17,7 @@ uint16_t motor_board_crc(const uint8_t* bytes, size_t size) {
   return crc;
 }
 
-// -- Writing: each puts its bytes and returns where the next go --------------------------------------------------------
+// -- Writing: each puts its bytes and returns where the next go -------------------------------------------------------
 
 static uint8_t* put_u8(uint8_t* at, uint8_t value) {
   *at = value;
@@ -83,7 +83,7 @@ void motor_board_pack_telemetry(const struct MotorBoardTelemetry* telemetry,
   put_crc(frame, motor_board_telemetry_size);
 }
 
-// -- Reading: each takes its bytes and moves on ------------------------------------------------------------------------
+// -- Reading: each takes its bytes and moves on -----------------------------------------------------------------------
 
 static uint8_t get_u8(const uint8_t** at) { return *(*at)++; }
 
@@ -154,7 +154,7 @@ bool motor_board_unpack_telemetry(const uint8_t frame[motor_board_telemetry_size
   return true;
 }
 
-// -- Finding frames ----------------------------------------------------------------------------------------------------
+// -- Finding frames ---------------------------------------------------------------------------------------------------
 
 void motor_board_parse_commands(struct MotorBoardParser* parser) {
   memset(parser, 0, sizeof *parser);

@@ -79,9 +79,9 @@ void MotorBoard::run_firmware() {
 
 void MotorBoard::measure() {
   MotorBoardTelemetry& telemetry = firmware_.telemetry;
-  telemetry.status = static_cast<std::uint8_t>((charge_ >= 1 ? motor_board_charged : 0) |
-                                               (ball_ ? motor_board_ball : 0) |
-                                               (parameters_.has_imu ? motor_board_imu : 0));
+  telemetry.status =
+      static_cast<std::uint8_t>((charge_ >= 1 ? motor_board_charged : 0) | (ball_ ? motor_board_ball : 0) |
+                                (parameters_.has_imu ? motor_board_imu : 0));
   for (std::size_t i = 0; i < motor_board_wheels; ++i) {
     const auto& wheel = robot_.state().wheels[i];
     telemetry.count[i] = static_cast<std::int32_t>(static_cast<std::uint32_t>(wheel.count));

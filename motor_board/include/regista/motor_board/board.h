@@ -35,7 +35,7 @@ struct MotorBoard {
   bool commanded;                        ///< since power-on
   bool kick_waits;
   uint8_t last_kick_id;
-  uint32_t commanded_us;  ///< when the last fresh command came
+  uint32_t commanded_us;                   ///< when the last fresh command came
   uint32_t turned_us[motor_board_wheels];  ///< when a wheel last did what it should
 };
 

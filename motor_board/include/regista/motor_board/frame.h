@@ -39,8 +39,8 @@ struct MotorBoardCommand {
   uint8_t flags;
   uint8_t kick_id;  ///< 0: no kick; another number than that of the last kick: kick once
   uint16_t kick_speed_mmps;
-  uint16_t kick_angle_mrad;               ///< above the floor; 0: a flat kick
-  int16_t dribbler_radps;                 ///< positive holds the ball
+  uint16_t kick_angle_mrad;                  ///< above the floor; 0: a flat kick
+  int16_t dribbler_radps;                    ///< positive holds the ball
   int32_t wheel_mradps[motor_board_wheels];  ///< set-points at the wheel, not the motor
 };
 
@@ -49,18 +49,18 @@ struct MotorBoardTelemetry {
   uint8_t sequence;  ///< one more each time
   uint8_t echo;      ///< `sequence` of the last command taken
   uint8_t status;
-  uint8_t stalled;         ///< bit n: wheel n does not turn although its set-point says so
-  uint8_t kick_id;         ///< of the last kick taken, whether the capacitor had the charge for it or not
-  uint16_t kicks;          ///< done since power-on
-  uint16_t refused;        ///< frames with a wrong CRC since power-on
+  uint8_t stalled;   ///< bit n: wheel n does not turn although its set-point says so
+  uint8_t kick_id;   ///< of the last kick taken, whether the capacitor had the charge for it or not
+  uint16_t kicks;    ///< done since power-on
+  uint16_t refused;  ///< frames with a wrong CRC since power-on
   uint16_t battery_mv;
-  int16_t battery_ca;      ///< [10 mA] drawn from the battery
-  uint16_t capacitor_dv;   ///< [0.1 V]
-  int16_t dribbler_radps;  ///< measured
-  uint32_t time_us;        ///< of the board's clock, when the rest was measured; wraps
-  int32_t count[motor_board_wheels];          ///< edges of the encoders; wraps
-  int32_t speed_mradps[motor_board_wheels];   ///< measured at the wheels
-  int16_t current_ma[motor_board_wheels];     ///< of the motors
+  int16_t battery_ca;                        ///< [10 mA] drawn from the battery
+  uint16_t capacitor_dv;                     ///< [0.1 V]
+  int16_t dribbler_radps;                    ///< measured
+  uint32_t time_us;                          ///< of the board's clock, when the rest was measured; wraps
+  int32_t count[motor_board_wheels];         ///< edges of the encoders; wraps
+  int32_t speed_mradps[motor_board_wheels];  ///< measured at the wheels
+  int16_t current_ma[motor_board_wheels];    ///< of the motors
   int16_t accel_mmps2[3];  ///< specific force along the board's axes; at rest the axis that points up reads +9807
   int16_t rate_mradps[3];  ///< turn rates about them, counter-clockwise
 };
@@ -69,8 +69,7 @@ struct MotorBoardTelemetry {
 uint16_t motor_board_crc(const uint8_t* bytes, size_t size);
 
 void motor_board_pack_command(const struct MotorBoardCommand* command, uint8_t frame[motor_board_command_size]);
-void motor_board_pack_telemetry(const struct MotorBoardTelemetry* telemetry,
-                                uint8_t frame[motor_board_telemetry_size]);
+void motor_board_pack_telemetry(const struct MotorBoardTelemetry* telemetry, uint8_t frame[motor_board_telemetry_size]);
 
 /// False, and nothing is written, unless sync, type and CRC are right.
 bool motor_board_unpack_command(const uint8_t frame[motor_board_command_size], struct MotorBoardCommand* command);

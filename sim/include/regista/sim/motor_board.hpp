@@ -12,7 +12,7 @@ namespace regista::sim {
 
 struct MotorBoardParameters {
   WheeledRobotParameters robot = ssl_robot();  ///< four wheels; `hop_s` is 0, whatever it says
-  ImuParameters imu = {};                                   ///< on the board, its x ahead
+  ImuParameters imu = {};                      ///< on the board, its x ahead
   bool has_imu = true;
   double charge_s = 2;  ///< of the kicker's capacitor, from empty to full, at constant power
   double full_v = 200;
