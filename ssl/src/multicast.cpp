@@ -94,8 +94,7 @@ void MulticastReceiver::join_new() {
   for (const std::string& name : wanted_.empty() ? multicast_interfaces() : wanted_) {
     const int index = static_cast<int>(::if_nametoindex(name.c_str()));
     if (index == 0 || std::ranges::find(joined_, index, &Membership::index) != joined_.end()) continue;
-    const ip_mreqn membership{
-        .imr_multiaddr = address, .imr_address = {.s_addr = INADDR_ANY}, .imr_ifindex = index};
+    const ip_mreqn membership{.imr_multiaddr = address, .imr_address = {.s_addr = INADDR_ANY}, .imr_ifindex = index};
     if (set_option(socket_.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) == 0) joined_.push_back({index, name});
   }
 }

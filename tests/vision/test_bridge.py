@@ -197,7 +197,11 @@ def test_errors_name_place_and_remedy(tmp_path):
         ('robot( team "red" id 3 host "a" )', 'wrong.cfg:1:13: \'team\' must be "yellow" or "blue"', 78),
         ("vision( dely 0.1 )", "did you mean 'delay'?", 78),
         ('vision( interfaces ["nonesuch0"] )', "network interface 'nonesuch0': No such device", 71),
-        ('vision( group "10.0.0.1" interfaces ["lo"] )', "cannot listen on 10.0.0.1:10006: Cannot assign requested address", 71),
+        (
+            'vision( group "10.0.0.1" interfaces ["lo"] )',
+            "cannot listen on 10.0.0.1:10006: Cannot assign requested address",
+            71,
+        ),
     ]:
         config.write_text(text)
         run = subprocess.run([BRIDGE, config], capture_output=True, text=True, timeout=10, check=False)

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <regista/device/plugin.hpp>
 #include <regista/device/config_file.hpp>
+#include <regista/device/plugin.hpp>
 #include <string>
 #include <vector>
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <regista/control/kalman_filter.hpp>
 #include <regista/core/time.hpp>
+#include <span>
 
 namespace regista::vision {
 
@@ -52,6 +53,7 @@ class Fusion {
     started_ = now;
     views_.fill({});
     views_[camera] = {.offset = Value::Zero(), .seen = now, .known = true};
+    cameras_ = camera + 1;
   }
 
   /// `acceleration`: known, as by friction.
@@ -86,6 +88,7 @@ class Fusion {
   void correct(const Value& raw, double sd, std::size_t camera, Time now) {
     View& view = views_[camera];
     if (!knows(camera, now)) view = {.offset = raw, .known = true};
+    cameras_ = std::max(cameras_, camera + 1);
     const double dt = std::min(seconds(now - view.seen), 0.1);
     view.seen = now;
     const Value innovation = raw - view.offset;
@@ -100,7 +103,7 @@ class Fusion {
   /// By how much this camera and those that see it as well disagree, at most; 0 when none does.
   [[nodiscard]] double disagreement(std::size_t camera, Time now) const {
     double most = 0;
-    for (const View& view : views_) {
+    for (const View& view : std::span{views_}.first(cameras_)) {
       if (view.known && now - view.seen < present) most = std::max(most, (view.offset - views_[camera].offset).norm());
     }
     return most;
@@ -147,7 +150,7 @@ class Fusion {
   void agree(View& view, const Value& innovation, double dt, Time now) {
     Value mean = Value::Zero();
     int cameras = 0;
-    for (const View& other : views_) {
+    for (const View& other : std::span{views_}.first(cameras_)) {
       if (!other.known || now - other.seen >= present) continue;
       mean += other.offset;
       ++cameras;
@@ -157,7 +160,7 @@ class Fusion {
     if (cameras > 1) view.offset += share * innovation;
     // The estimate takes up what the offsets give away, so that no innovation sees it.
     const Value given = share / cameras * mean;
-    for (View& other : views_) other.offset -= given;
+    for (View& other : std::span{views_}.first(cameras_)) other.offset -= given;
     filter_.x.row(0) += given;
   }
 
@@ -181,6 +184,7 @@ class Fusion {
   Value mean_velocity_ = Value::Zero();
   Value mean_innovation_ = Value::Zero();
   std::array<View, max_cameras> views_{};
+  std::size_t cameras_ = 0;  ///< the views behind are not known
   int surprises_ = 0;  ///< in a row
   double sd_ = 0;
   double calm_s_ = 0;
