@@ -7,7 +7,7 @@ using namespace std::chrono_literals;
 // Two robots, one loop: they turn until both have turned by a right angle.
 int main() {
   regista::client::Team team;
-  for (const std::uint16_t port : {6665, 6666}) team.add("localhost", port).position2d().reset_odometry();
+  for (std::uint16_t port = 6665; port <= 6666; ++port) team.add("localhost", port).position2d().reset_odometry();
 
   for (bool turned = false; !turned;) {
     team.read(100ms);

@@ -205,13 +205,13 @@ def test_geometry_and_settings_are_asked_and_refused_with_reasons(robot):
     assert base.geometry().size.length == pytest.approx(0.18)
     base.set_motor_power(True)
     base.set_position_mode(True)
+    robot.power().set_charging_policy(input=True, output=False)
     base.set_odometry(1.0, 2.0, 0.5)
     until(robot, lambda: abs(base.state.pose.x - 1.0) < 0.05 and abs(base.state.pose.y - 2.0) < 0.05)
     for ask in (
         lambda: base.set_speed_pid(1, 0, 0),
         lambda: base.set_position_pid(1, 0, 0),
         lambda: base.set_speed_profile(1, 1),
-        lambda: robot.power().set_charging_policy(input=True, output=False),
     ):
         with pytest.raises(regista.RefusedError) as raised:
             ask()
