@@ -298,7 +298,9 @@ def test_replay_tells_when_its_server_ends(tmp_path):
 
 
 def test_replay_needs_a_recording(tmp_path):
-    assert run("replay", tmp_path / "none.mcap").returncode == 1
+    missing = run("replay", tmp_path / "none.mcap")
+    assert missing.returncode == 1
+    assert missing.stderr == f"regista: {tmp_path}/none.mcap: No such file or directory\n"
     empty = tmp_path / "empty.mcap"
     Recorder(empty).close()
     done = run("replay", empty)

@@ -38,8 +38,11 @@ class Verbs(TyperGroup):
             common.fail(common.TIMEOUT, str(error))
         except regista.RefusedError as error:
             common.fail(common.REFUSED, str(error))
-        except (regista.Error, OSError, ValueError) as error:
+        except (regista.Error, ValueError) as error:
             common.fail(common.FAILED, str(error))
+        except OSError as error:
+            place = f"{error.filename}: " if error.filename is not None else ""
+            common.fail(common.FAILED, f"{place}{error.strerror or error}")
 
 
 def _remedy(error: regista.Error) -> str:
