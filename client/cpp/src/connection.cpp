@@ -174,20 +174,19 @@ void Connection::next_step() {
 }
 
 void Connection::subscribe_step(Address address) {
-  const Result<> sent =
-      begin(server_address, subscribe_request(address, player::Access::open),
-            [this, address](Result<std::span<const std::byte>> body) {
-              if (state_ == State::closed) return;
-              const Result<std::string> driver = opened(body);
-              Subscription* subscription = find(address);
-              if (!driver) {
-                (void)fail(asked_for(to_string(address), driver.error()));
-              } else if (subscription != nullptr) {
-                subscription->open = true;
-                subscription->driver = *driver;
-                next_step();
-              }
-            });
+  const Result<> sent = begin(server_address, subscribe_request(address, player::Access::open),
+                              [this, address](Result<std::span<const std::byte>> body) {
+                                if (state_ == State::closed) return;
+                                const Result<std::string> driver = opened(body);
+                                Subscription* subscription = find(address);
+                                if (!driver) {
+                                  (void)fail(asked_for(to_string(address), driver.error()));
+                                } else if (subscription != nullptr) {
+                                  subscription->open = true;
+                                  subscription->driver = *driver;
+                                  next_step();
+                                }
+                              });
   if (!sent) (void)fail(sent.error());
 }
 
