@@ -41,6 +41,24 @@ TEST(CanFrame, says_what_a_controller_told) {
   EXPECT_FALSE(bus_report({.id = 0x20, .error = true, .size = 8}).state);
 }
 
+/// A bus that is never silent.
+struct Endless final : CanBus {
+  Result<> send(const CanFrame& /*frame*/) override { return {}; }
+  Result<std::optional<ReceivedFrame>> receive() override {
+    return std::optional{ReceivedFrame{make_frame(1, {}), {}}};
+  }
+  [[nodiscard]] int descriptor() const override { return -1; }
+};
+
+// A server on a slow machine took a burst of more than its time-out for one moment, and then gave the transfer up.
+TEST(Serve, lets_time_pass_on_a_bus_that_is_never_silent) {
+  Endless bus;
+  Bench bench;
+  Listener listener{bench};
+  ASSERT_TRUE(serve(bus, listener, bench.now));
+  EXPECT_EQ(listener.heard.size(), 16U);
+}
+
 TEST(VirtualBus, takes_the_time_of_a_real_one) {
   Bench bench{500'000};
   VirtualBus::Port& port = bench.bus.attach();

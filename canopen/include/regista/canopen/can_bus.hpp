@@ -37,7 +37,8 @@ class Station {
   [[nodiscard]] virtual Time next_wake() const = 0;
 };
 
-/// Hands all frames that wait to the station, then the time. Fails as receive() does.
+/// Hands frames that wait to the station, up to 16, then the time. The descriptor stays readable while there are more.
+/// Fails as receive() does.
 Result<> serve(CanBus& bus, Station& station, Time now);
 
 }  // namespace regista::canopen

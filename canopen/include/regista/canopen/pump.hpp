@@ -16,7 +16,7 @@ class Pump {
   Pump& operator=(const Pump&) = delete;
 
   [[nodiscard]] int descriptor() const { return epoll_; }
-  /// Takes all frames that wait, does what is due. Also after calls that start something outside of run().
+  /// Takes some of the frames that wait, does what is due. Also after calls that start something outside of run().
   Result<> run(Time now);
   /// Blocks until something is to be done, at most until `until`, then does it.
   Result<> wait(Time until);
