@@ -2,8 +2,8 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <regista/device/host.hpp>
 #include <regista/device/config_file.hpp>
+#include <regista/device/host.hpp>
 
 #include <functional>
 #include <memory>

@@ -6,8 +6,8 @@ namespace regista::vision {
 
 namespace {
 
-constexpr double worst_drift = 0.03;     // grSim's clock runs 2 % slow
-constexpr double worst_jitter_s = 0.02;  // more than that is a clock that was set
+constexpr double worst_drift = 0.03;          // grSim's clock runs 2 % slow
+constexpr double worst_jitter_s = 0.02;       // more than that is a clock that was set
 constexpr double longest_processing_s = 0.5;  // more than that are two clocks
 
 }  // namespace

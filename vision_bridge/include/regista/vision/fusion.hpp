@@ -185,7 +185,7 @@ class Fusion {
   Value mean_innovation_ = Value::Zero();
   std::array<View, max_cameras> views_{};
   std::size_t cameras_ = 0;  ///< the views behind are not known
-  int surprises_ = 0;  ///< in a row
+  int surprises_ = 0;        ///< in a row
   double sd_ = 0;
   double calm_s_ = 0;
   Time started_{};
