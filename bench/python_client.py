@@ -151,7 +151,7 @@ def keep_up(seconds: float) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="only see that it runs: no limits")
     quick = parser.parse_args().quick
     failures = []
     for batch in (1, 100):
@@ -164,7 +164,8 @@ def main() -> None:
     print(f"keep_up: {json.dumps(result)}")
     if result["messages"] != int(RATE * (1.0 if quick else 5.0)) or result["late_s"] > 0.5:
         failures.append(f"{RATE} messages/s fall behind: {result}")
-    sys.exit("\n".join(failures))
+    if failures and not quick:
+        sys.exit("\n".join(failures))
 
 
 if __name__ == "__main__":
