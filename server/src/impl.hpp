@@ -64,6 +64,8 @@ class Server::Impl final : public SessionOwner {
   void read_server_section(const Section& section, const ServerOptions& options);
   void make_driver(const Section& section);
   void join_required();
+  /// 0: the default one, even when the name of a device says its number.
+  [[nodiscard]] std::uint16_t listener_of(std::uint16_t port) const { return port == default_port_ ? 0 : port; }
   void join_remote(std::size_t consumer, const std::string& host, std::uint16_t port,
                    std::span<RequiredCore* const> required, SessionId& next_session);
   void listen(const Section& section, const ServerOptions& options);

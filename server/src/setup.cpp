@@ -109,7 +109,7 @@ void Server::Impl::make_driver(const Section& section) {
       throw ConfigError{found->place, "a provided device has no host: it is on this server"};
     port.offered = true;
     port.index = found->name.index;
-    port.tcp_port = found->name.port;
+    port.tcp_port = listener_of(found->name.port);
     const Device device{port.tcp_port, port.interface, port.index};
     if (!devices_.try_emplace(device, Target{drivers_.size() - 1, port.number}).second) {
       throw ConfigError{found->place, "device '" + address_text(port.interface, port.index) + "' is provided twice"};
@@ -162,7 +162,7 @@ void Server::Impl::join_required() {
         elsewhere[{found->name.host, port}].push_back(&required);
         continue;
       }
-      const auto device = devices_.find({found->name.port, found->name.interface, found->name.index});
+      const auto device = devices_.find({listener_of(found->name.port), found->name.interface, found->name.index});
       if (device == devices_.end()) {
         throw ConfigError{found->place, "no driver provides '" + to_string(found->name) + "'"};
       }
