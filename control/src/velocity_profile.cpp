@@ -46,7 +46,8 @@ struct Cruise {
   const double a = limits.acceleration;
   const double peak_squared = a * distance + 0.5 * (v0 * v0 + v1 * v1);
   if (peak_squared <= limits.speed * limits.speed) {
-    const double peak = std::max(std::sqrt(std::max(peak_squared, 0.0)), std::max(v0, v1));
+    const double faster_end = std::max(v0, v1);
+    const double peak = std::max(std::sqrt(std::max(peak_squared, 0.0)), faster_end);
     const double duration_s = (2 * peak - v0 - v1) / a;
     return {.velocity = sign * peak, .duration_s = duration_s, .slope_s = distance / (peak + tiny) - duration_s};
   }

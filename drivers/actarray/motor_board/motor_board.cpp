@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numbers>
 #include <regista/sim/motor_board.hpp>
+#include <utility>
 
 namespace regista {
 
@@ -61,7 +62,7 @@ MotorBoardDriver::MotorBoardDriver(Setup& setup, std::unique_ptr<motor_board::Bo
 
 Result<> MotorBoardDriver::set_speed(std::int32_t joint, double radps) {
   if (!powered_) return Error{std::errc::operation_not_permitted, "the motors are off: ask for POWER 1"};
-  if (joint < -1 || (joint >= 0 && static_cast<std::size_t>(joint) >= count_)) {
+  if (joint < -1 || std::cmp_greater_equal(std::max(joint, 0), count_)) {
     return Error{std::errc::invalid_argument, "there is no wheel " + std::to_string(joint) + ", only 0 to " +
                                                   std::to_string(count_ - 1) + ", and -1 for all"};
   }
