@@ -70,29 +70,16 @@ class Client:
         self.socket.close()
 
 
-class Server:
-    """A fake_base for position2d:0 behind regista-server; what happens to the base stands in a file."""
+class ServerProcess:
+    """regista-server with a configuration, on a port of its own."""
 
-    def __init__(self, folder, keys="", more="", arguments=(), options=(), **popen):
-        self.record = folder / "record"
+    def __init__(self, folder, config, plugins, arguments=(), options=(), **popen):
         self.config = folder / "robot.cfg"
-        self.config.write_text(
-            f'{more}\ndriver ( name "fake_base" provides ["position2d:0"] rate 100 log "{self.record}" {keys} )\n'
-        )
+        self.config.write_text(config)
         self.log_file = folder / "log"
         self.log_stream = self.log_file.open("w")
-        command = [
-            *arguments,
-            SERVER,
-            "--port",
-            "0",
-            "--listen",
-            "127.0.0.1",
-            "--plugins",
-            PLUGINS,
-            *options,
-            self.config,
-        ]
+        address = ["--port", "0", "--listen", "127.0.0.1"]
+        command = [*arguments, SERVER, *address, "--plugins", plugins, *options, self.config]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log_stream, text=True, **popen)
         ready = self.process.stdout.readline()
         assert ready.startswith("regista-server: ready on "), ready + self.log()
@@ -109,6 +96,15 @@ class Server:
 
     def log(self):
         return self.log_file.read_text()
+
+
+class Server(ServerProcess):
+    """A fake_base for position2d:0 behind regista-server; what happens to the base stands in a file."""
+
+    def __init__(self, folder, keys="", more="", **process):
+        self.record = folder / "record"
+        base = f'driver ( name "fake_base" provides ["position2d:0"] rate 100 log "{self.record}" {keys} )'
+        super().__init__(folder, f"{more}\n{base}\n", PLUGINS, **process)
 
     def events(self, *names, since=0.0):
         """[(monotonic time in s, name, numbers)]"""

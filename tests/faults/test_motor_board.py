@@ -9,7 +9,7 @@ import threading
 import time
 
 import pytest
-from regista_process import BIN, COMMAND, NOISE, POSITION2D, SERVER, Client, wait_for
+from regista_process import BIN, COMMAND, NOISE, POSITION2D, Client, ServerProcess, wait_for
 
 SIMULATOR = BIN / "regista-motor-board-sim"
 DRIVERS = BIN.parent / "lib/regista"
@@ -51,29 +51,9 @@ class Board:
         return wait_for(lambda: [r for r in list(self.lines) if r["t"] > since and true(r)])[0]
 
 
-class RobotServer:
+class RobotServer(ServerProcess):
     def __init__(self, folder, driver, keys=""):
-        config = folder / "robot.cfg"
-        config.write_text(f'driver ( {driver} port "{folder / "board"}" {keys} )\n')
-        self.log_file = folder / "log"
-        self.log_stream = self.log_file.open("w")
-        command = [SERVER, "--port", "0", "--listen", "127.0.0.1", "--plugins", DRIVERS, config]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log_stream, text=True)
-        ready = self.process.stdout.readline()
-        assert ready.startswith("regista-server: ready on "), ready + self.log()
-        self.port = int(ready.rsplit(":", 1)[1])
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.wait()
-        self.process.stdout.close()
-        self.log_stream.close()
-
-    def log(self):
-        return self.log_file.read_text()
+        super().__init__(folder, f'driver ( {driver} port "{folder / "board"}" {keys} )\n', DRIVERS)
 
 
 SOCCER = 'name "ssl_robot" provides ["position2d:0" "position2d:1"]'
