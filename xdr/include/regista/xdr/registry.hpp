@@ -16,11 +16,11 @@ constexpr std::uint32_t message_key(std::uint16_t interface, std::uint8_t subtyp
   return (std::uint32_t{subtype >= first_universal ? any_interface : interface} << 8) | subtype;
 }
 
-/// Where the messages of a variant stand in it, sorted by key.
-template <typename Variant>
+/// Where the messages of a list stand in it, sorted by key.
+template <typename Messages>
 struct Index;
 template <typename... Ms>
-struct Index<std::variant<Ms...>> {
+struct Index<TypeList<Ms...>> {
   struct Entry {
     std::uint32_t key;
     std::size_t alternative;
@@ -49,24 +49,25 @@ Error unknown_message(const Header& header);
 /// "position2d VEL"
 std::string message_title(std::uint16_t interface, const Message& message);
 
-/// Decode a body whose kind the variant is for (AnyData, AnyCommand, AnyRequest) into `out`. When `out` already holds
+/// Decode a body of a kind into `out`. When `out` already holds
 /// such a message its memory is used again. An error says which message, which field and which byte.
-template <typename Variant>
-Result<> decode_any(const Header& header, std::span<const std::byte> body, Variant& out) {
-  const std::size_t wanted = detail::Index<Variant>::find(header.address.interface, header.subtype);
+template <Kind kind>
+Result<> decode_any(const Header& header, std::span<const std::byte> body, Any<kind>& out) {
+  const std::size_t wanted =
+      detail::Index<typename Any<kind>::Messages>::find(header.address.interface, header.subtype);
   const auto decode_as = [&]<typename M>() -> Result<> {
     M* message = std::get_if<M>(&out);
-    if (message == nullptr) message = &out.template emplace<M>();
+    if (message == nullptr) message = std::get_if<M>(&(out = Any<kind>{std::in_place_type<M>}));
     Result<> decoded = decode(body, *message);
     if (decoded) return {};
     return Error{decoded.error().code,
                  message_title(header.address.interface, M::message) + ": " + decoded.error().what};
   };
   using Decode = Result<> (*)(const decltype(decode_as)&);
-  constexpr auto decoders = []<typename... Ms>(std::type_identity<std::variant<Ms...>>) {
+  constexpr auto decoders = []<typename... Ms>(TypeList<Ms...>) {
     return std::array<Decode, sizeof...(Ms)>{
         [](const decltype(decode_as)& decoder) { return decoder.template operator()<Ms>(); }...};
-  }(std::type_identity<Variant>{});
+  }(typename Any<kind>::Messages{});
   if (wanted == std::variant_npos) return unknown_message(header);
   return decoders[wanted](decode_as);
 }
