@@ -20,3 +20,11 @@ regista_floor(camera LEVEL 3 USES ssl core
                       camera/src/light.cpp camera/src/projection.cpp
               LINKS ${opencv})
 target_include_directories(regista_camera SYSTEM PRIVATE ${OPENCV_INCLUDE_DIR})
+set(program camera/program)
+find_package(fmt REQUIRED)
+regista_program(regista-camera
+                SOURCES ${program}/main.cpp ${program}/calibrate.cpp ${program}/camera_file.cpp ${program}/overlay.cpp
+                        ${program}/picker.cpp ${program}/publisher.cpp ${program}/source.cpp
+                USES camera ssl device core
+                LINKS regista_opencv_highgui regista_opencv_imgcodecs regista_opencv_imgproc regista_opencv_videoio
+                      regista_opencv_core fmt::fmt CLI11::CLI11 nlohmann_json::nlohmann_json Threads::Threads)

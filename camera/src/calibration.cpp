@@ -131,7 +131,9 @@ std::optional<View> find_board(const Image& image, int columns, int rows, double
   cv::Mat grey;
   cv::cvtColor(bgr, grey, cv::COLOR_BGR2GRAY);
   std::vector<cv::Point2f> corners;
-  if (!cv::findChessboardCornersSB(grey, {columns, rows}, corners, cv::CALIB_CB_NORMALIZE_IMAGE)) return {};
+  if (!cv::findChessboardCornersSB(grey, {columns, rows}, corners,
+                                   cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_ACCURACY))
+    return {};
   View view;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     view.points.push_back({.x = static_cast<double>(static_cast<int>(i) % columns) * square_m,

@@ -35,18 +35,13 @@ float median_brightness(const Image& image, int left, int top) {
 
 }  // namespace
 
-const std::array<double, LightMap::levels> LightMap::gains = [] {
-  std::array<double, levels> gains{};
-  for (std::size_t i = 0; i < levels; ++i) gains[i] = least_gain * std::pow(step_of_gain, static_cast<double>(i));
-  return gains;
-}();
-
 const LightMap::Tables& LightMap::tables() {
   static const Tables tables = [] {
     Tables result{};
     for (std::size_t i = 0; i < levels; ++i) {
+      const double gain = least_gain * std::pow(step_of_gain, static_cast<double>(i));
       for (std::size_t value = 0; value < 256; ++value)
-        result[i][value] = static_cast<std::uint8_t>(std::min(255.0, std::round(static_cast<double>(value) * gains[i])));
+        result[i][value] = static_cast<std::uint8_t>(std::min(255.0, std::round(static_cast<double>(value) * gain)));
     }
     return result;
   }();

@@ -113,6 +113,9 @@ bool take_field(const std::string& bytes, Geometry& out) {
     out.boundary_m = field.boundary_mm() * mm;
     out.goal_width_m = field.goal_width_mm() * mm;
     out.goal_depth_m = field.goal_depth_mm() * mm;
+    out.defence_depth_m = field.penalty_area_depth_mm() * mm;
+    out.defence_width_m = field.penalty_area_width_mm() * mm;
+    out.circle_radius_m = field.centre_circle_radius_mm() * mm;
     out.is_2010 = false;
     return true;
   }
@@ -123,6 +126,7 @@ bool take_field(const std::string& bytes, Geometry& out) {
   out.boundary_m = old.boundary_mm() * mm;
   out.goal_width_m = old.goal_width_mm() * mm;
   out.goal_depth_m = old.goal_depth_mm() * mm;
+  out.defence_depth_m = out.defence_width_m = out.circle_radius_m = 0;
   out.is_2010 = true;
   return true;
 }
@@ -244,6 +248,9 @@ std::vector<std::byte> encode(const VisionPacket& packet) {
     field.set_goal_width_mm(to_mm(packet.geometry->goal_width_m));
     field.set_goal_depth_mm(to_mm(packet.geometry->goal_depth_m));
     field.set_boundary_mm(to_mm(packet.geometry->boundary_m));
+    if (packet.geometry->defence_depth_m > 0) field.set_penalty_area_depth_mm(to_mm(packet.geometry->defence_depth_m));
+    if (packet.geometry->defence_width_m > 0) field.set_penalty_area_width_mm(to_mm(packet.geometry->defence_width_m));
+    if (packet.geometry->circle_radius_m > 0) field.set_centre_circle_radius_mm(to_mm(packet.geometry->circle_radius_m));
     message.mutable_geometry()->set_field(field.SerializeAsString());
     for (const CameraCalibration& camera : packet.geometry->cameras) put(camera, *message.mutable_geometry()->add_cameras());
     if (packet.geometry->rolling_mps2)

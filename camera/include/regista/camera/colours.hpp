@@ -38,15 +38,21 @@ class ColourTable {
  public:
   explicit ColourTable(std::span<const ColourModel> models);
 
-  /// `light` is of LightMap::table.
+  /// Of a pixel in any light: `light` is of LightMap::table.
   [[nodiscard]] Colour operator()(const std::uint8_t* bgr, const std::uint8_t* light) const {
-    const auto level = [=](std::uint8_t value) { return static_cast<unsigned>(light[value] >> drop); };
-    return table_[(level(bgr[0]) << (2 * bits)) | (level(bgr[1]) << bits) | level(bgr[2])];
+    return look_up(light[bgr[0]], light[bgr[1]], light[bgr[2]]);
   }
+  /// In normal light.
+  [[nodiscard]] Colour operator()(const std::uint8_t* bgr) const { return look_up(bgr[0], bgr[1], bgr[2]); }
 
  private:
   static constexpr unsigned bits = 6;  // 256 KiB: stays in the second cache
   static constexpr unsigned drop = 8 - bits;
+
+  [[nodiscard]] Colour look_up(unsigned b, unsigned g, unsigned r) const {
+    return table_[(b >> drop << (2 * bits)) | (g >> drop << bits) | r >> drop];
+  }
+
   std::vector<Colour> table_;
 };
 

@@ -15,10 +15,11 @@ class LightMap {
   /// Reads a sample of the picture's pixels.
   void measure(const Image& image);
 
-  /// By what the light at this pixel has to be multiplied to make the carpet as bright as `carpet`.
-  [[nodiscard]] double gain(int x, int y) const { return gains[level(x, y)]; }
-  /// The same for blocks of `block` pixels along a row, as a table: from a channel's value to the one in normal light.
-  [[nodiscard]] const std::uint8_t* table(int x, int y) const { return tables()[level(x, y)].data(); }
+  /// From a channel's value at this pixel to the one in normal light, in which the carpet is as bright as `carpet`. The
+  /// same for the pixels of a block.
+  [[nodiscard]] const std::uint8_t* table(int x, int y) const {
+    return (*tables_)[levels_[static_cast<std::size_t>(y / block) * columns_ + static_cast<std::size_t>(x / block)]].data();
+  }
 
   static constexpr int block = 16;     ///< [px]
   static constexpr double carpet = 60;  ///< mean of the three channels
@@ -27,16 +28,12 @@ class LightMap {
   static constexpr std::size_t levels = 64;
   using Tables = std::array<std::array<std::uint8_t, 256>, levels>;
   static const Tables& tables();
-  static const std::array<double, levels> gains;
 
-  [[nodiscard]] std::size_t level(int x, int y) const {
-    return levels_[static_cast<std::size_t>(y / block) * columns_ + static_cast<std::size_t>(x / block)];
-  }
-
+  const Tables* tables_ = &tables();
   std::size_t columns_ = 0;
   std::vector<std::uint8_t> levels_;  ///< of each block
-  std::vector<float> cells_;
-  std::vector<float> calm_;
+  std::vector<float> cells_;          ///< median brightness
+  std::vector<float> calm_;           ///< without cells that differ from their neighbours
 };
 
 }  // namespace regista::camera

@@ -72,6 +72,9 @@ struct Geometry {
   double boundary_m = 0;  ///< around it
   double goal_width_m = 1;
   double goal_depth_m = 0.18;
+  double defence_depth_m = 0;  ///< of the areas before the goals; 0: not told, as the next two
+  double defence_width_m = 0;
+  double circle_radius_m = 0;  ///< in the centre
   std::vector<CameraCalibration> cameras{};
   std::optional<double> rolling_mps2{};  ///< how the ball loses speed when it rolls; positive
   bool is_2010 = false;                  ///< was in the layout that SSL-Vision used until 2013
