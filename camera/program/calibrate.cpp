@@ -30,8 +30,9 @@ CameraFile file_for(const std::filesystem::path& file, const cv::Mat& picture) {
     camera = read_camera_file(file);
     if (std::cmp_not_equal(camera.camera.width_px, picture.cols) ||
         std::cmp_not_equal(camera.camera.height_px, picture.rows)) {
-      throw std::runtime_error{fmt::format("the picture has {} x {} pixels, {} is for {} x {}", picture.cols, picture.rows,
-                                           file.string(), camera.camera.width_px, camera.camera.height_px)};
+      throw std::runtime_error{fmt::format("the picture has {} x {} pixels, {} is for {} x {}", picture.cols,
+                                           picture.rows, file.string(), camera.camera.width_px,
+                                           camera.camera.height_px)};
     }
   }
   camera.camera.width_px = static_cast<std::uint32_t>(picture.cols);
@@ -124,8 +125,9 @@ View point_at_landmarks(const cv::Mat& picture, const ssl::Geometry& field) {
   std::vector<std::vector<Pixel>> picked(all.size());
   for (std::size_t i = 0; i < all.size();) {
     picked[i].clear();
-    const std::string question = fmt::format("{}/{}: the middle of the line: {}.   Enter: not seen   Backspace: back   Esc: done",
-                                             i + 1, all.size(), all[i].name);
+    const std::string question =
+        fmt::format("{}/{}: the middle of the line: {}.   Enter: not seen   Backspace: back   Esc: done", i + 1,
+                    all.size(), all[i].name);
     const Picker::Answer answer = picker.ask(question, 1, picked[i]);
     if (answer == Picker::Answer::done) break;
     if (answer == Picker::Answer::next) ++i;
@@ -172,7 +174,8 @@ std::vector<Sample> point_at_colours(const cv::Mat& picture) {
   Picker picker{picture};
   std::vector<Sample> samples;
   for (const Colour colour : all_colours) {
-    const std::string question = fmt::format("{}: click on several, in light and shade.   Enter: next   Esc: done", name_of(colour));
+    const std::string question =
+        fmt::format("{}: click on several, in light and shade.   Enter: next   Esc: done", name_of(colour));
     std::vector<Pixel> picked;
     constexpr std::size_t most = 100;
     const Picker::Answer answer = picker.ask(question, most, picked);
@@ -196,23 +199,23 @@ void run(const CalibrateLens& arguments, std::ostream& report) {
   }
   const CalibrationFit fit = required(fit_lens(boards, camera.camera));
   if (fit.rms_px > bad_fit_px) {
-    throw std::runtime_error{
-        fmt::format("the board's corners are {:.1f} px off the model: is the board flat, are --board and --square right?", fit.rms_px)};
+    throw std::runtime_error{fmt::format(
+        "the board's corners are {:.1f} px off the model: is the board flat, are --board and --square right?",
+        fit.rms_px)};
   }
   camera.camera = fit.camera;
   camera.has_pose = false;  // which was found with another lens
   write_camera_file(arguments.file, camera);
-  report << fmt::format("focal length {:.1f} px, principal point {:.1f} {:.1f}, distortion {:.4f}; corners are {:.2f} px off (rms)\n",
-                        fit.camera.focal_px, fit.camera.principal_x_px, fit.camera.principal_y_px,
-                        fit.camera.distortion, fit.rms_px);
+  report << fmt::format(
+      "focal length {:.1f} px, principal point {:.1f} {:.1f}, distortion {:.4f}; corners are {:.2f} px off (rms)\n",
+      fit.camera.focal_px, fit.camera.principal_x_px, fit.camera.principal_y_px, fit.camera.distortion, fit.rms_px);
 }
 
 void run(const CalibrateField& arguments, std::ostream& report) {
   const cv::Mat picture = read_pictures({arguments.picture}).front();
   CameraFile camera = file_for(arguments.file, picture);
   if (!arguments.division.empty()) camera.field = arguments.division == "A" ? division_a() : division_b();
-  const View points =
-      arguments.points ? read_points(*arguments.points) : point_at_landmarks(picture, camera.field);
+  const View points = arguments.points ? read_points(*arguments.points) : point_at_landmarks(picture, camera.field);
   const CalibrationFit fit = required(fit_pose(points, camera.camera));
   for (std::size_t i = 0; i < points.points.size(); ++i) {
     const Point3d& p = points.points[i];
@@ -222,21 +225,21 @@ void run(const CalibrateField& arguments, std::ostream& report) {
   }
   if (fit.rms_px > bad_fit_px) {
     throw std::runtime_error{
-        fmt::format("the points are {:.1f} px off the model (rms): nothing is written. A wrong point moves all others", fit.rms_px)};
+        fmt::format("the points are {:.1f} px off the model (rms): nothing is written. A wrong point moves all others",
+                    fit.rms_px)};
   }
   camera.camera = fit.camera;
   camera.has_pose = true;
   write_camera_file(arguments.file, camera);
   const Point3d place = ssl::position(fit.camera);
-  report << fmt::format("the camera is at ({:.3f}, {:.3f}, {:.3f}) m; points are {:.2f} px off (rms)\n", place.x, place.y,
-                        place.z, fit.rms_px);
+  report << fmt::format("the camera is at ({:.3f}, {:.3f}, {:.3f}) m; points are {:.2f} px off (rms)\n", place.x,
+                        place.y, place.z, fit.rms_px);
 }
 
 void run(const CalibrateColours& arguments, std::ostream& report) {
   const cv::Mat picture = read_pictures({arguments.picture}).front();
   CameraFile camera = file_for(arguments.file, picture);
-  const std::vector<Sample> samples =
-      arguments.samples ? read_samples(*arguments.samples) : point_at_colours(picture);
+  const std::vector<Sample> samples = arguments.samples ? read_samples(*arguments.samples) : point_at_colours(picture);
   LightMap light;
   light.measure(view(picture));
   std::map<Colour, std::vector<Bgr>> pixels;
@@ -271,7 +274,8 @@ void run(const CalibrateColours& arguments, std::ostream& report) {
     }
     for (const auto& [other, count] : taken) {
       if (other != colour && 10 * count > seen.size())
-        report << fmt::format("warning: {} of {} pixels of {} look like {}\n", count, seen.size(), name_of(colour), name_of(other));
+        report << fmt::format("warning: {} of {} pixels of {} look like {}\n", count, seen.size(), name_of(colour),
+                              name_of(other));
     }
   }
   write_camera_file(arguments.file, camera);

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-/// The three steps of `regista-camera calibrate`. Each reads the camera's file, if there is one, and writes it with what
-/// was found. Throw std::exception with what is wrong and what to do.
+/// The three steps of `regista-camera calibrate`. Each reads the camera's file, if there is one, and writes it with
+/// what was found. Throw std::exception with what is wrong and what to do.
 namespace regista::camera {
 
 struct CalibrateLens {

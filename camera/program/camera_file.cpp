@@ -62,8 +62,7 @@ void read_field(const Section& section, ssl::Geometry& field) {
 
 ColourModel read_colour(const Section& section) {
   const auto colour = colour_named(section.text("name"));
-  if (!colour)
-    throw section.error("name", "must be orange, yellow, blue, green, magenta, field, white or black");
+  if (!colour) throw section.error("name", "must be orange, yellow, blue, green, magenta, field, white or black");
   const auto bgr = list(section, "bgr", 3, {.min = 0, .max = 255});
   const auto spread = list(section, "spread", 3, {.min = 0.01, .max = 3});
   section.check_unused();
@@ -97,8 +96,9 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
 
 void write_camera_file(const std::filesystem::path& file, const CameraFile& camera) {
   const ssl::CameraCalibration& c = camera.camera;
-  std::string text = fmt::format("# Written by regista-camera calibrate. docs/camera.md explains it.\ncamera(\n  id {}\n  size [{} {}]\n",
-                                 c.camera, c.width_px, c.height_px);
+  std::string text = fmt::format(
+      "# Written by regista-camera calibrate. docs/camera.md explains it.\ncamera(\n  id {}\n  size [{} {}]\n",
+      c.camera, c.width_px, c.height_px);
   if (c.focal_px > 0) {
     text += fmt::format("  focal {:.3f}\n  principal [{:.3f} {:.3f}]\n  distortion {:.6f}\n", c.focal_px,
                         c.principal_x_px, c.principal_y_px, c.distortion);
@@ -111,10 +111,10 @@ void write_camera_file(const std::filesystem::path& file, const CameraFile& came
   text += fmt::format("  yellow_height {}\n  blue_height {}\n)\n", camera.detector.yellow_height_m,
                       camera.detector.blue_height_m);
   const ssl::Geometry& f = camera.field;
-  text += fmt::format("field(\n  length {}\n  width {}\n  boundary {}\n  goal_width {}\n  goal_depth {}\n", f.length_m, f.width_m,
-                      f.boundary_m, f.goal_width_m, f.goal_depth_m);
-  text += fmt::format("  defence_depth {}\n  defence_width {}\n  circle_radius {}\n)\n", f.defence_depth_m, f.defence_width_m,
-                      f.circle_radius_m);
+  text += fmt::format("field(\n  length {}\n  width {}\n  boundary {}\n  goal_width {}\n  goal_depth {}\n", f.length_m,
+                      f.width_m, f.boundary_m, f.goal_width_m, f.goal_depth_m);
+  text += fmt::format("  defence_depth {}\n  defence_width {}\n  circle_radius {}\n)\n", f.defence_depth_m,
+                      f.defence_width_m, f.circle_radius_m);
   for (const ColourModel& m : camera.detector.colours) {
     text += fmt::format("colour( name \"{}\" bgr [{:.1f} {:.1f} {:.1f}] spread [{:.3f} {:.3f} {:.3f}] )\n",
                         name_of(m.colour), m.bgr[0], m.bgr[1], m.bgr[2], m.spread[0], m.spread[1], m.spread[2]);

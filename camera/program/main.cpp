@@ -79,7 +79,8 @@ nlohmann::json to_json(const ssl::Detection& detection) {
   }
   nlohmann::json balls = nlohmann::json::array();
   for (const ssl::DetectedBall& ball : detection.balls)
-    balls.push_back({{"x", ball.x_m}, {"y", ball.y_m}, {"pixel", {ball.pixel_x, ball.pixel_y}}, {"area", ball.area_px}});
+    balls.push_back(
+        {{"x", ball.x_m}, {"y", ball.y_m}, {"pixel", {ball.pixel_x, ball.pixel_y}}, {"area", ball.area_px}});
   return {{"camera", detection.camera},
           {"frame", detection.frame_number},
           {"t_capture", detection.t_capture_s},
@@ -155,15 +156,18 @@ void parse_board(const std::string& text, CalibrateLens& arguments) {
 }
 
 int main_of(int argc, char** argv) {
-  CLI::App app{"Find the robots and the ball of RoboCup's Small Size League in a camera's pictures, and tell as SSL-Vision does.",
-               "regista-camera"};
+  CLI::App app{
+      "Find the robots and the ball of RoboCup's Small Size League in a camera's pictures, and tell as SSL-Vision "
+      "does.",
+      "regista-camera"};
   app.footer(examples);
   app.set_version_flag("--version", "regista-camera " REGISTA_VERSION);
   app.require_subcommand(1);
 
   RunArguments running;
   const auto add_source = [](CLI::App* command, std::string& source, std::filesystem::path& file) {
-    command->add_option("source", source, "A camera (/dev/video0), a film, a folder of pictures, or one picture")->required();
+    command->add_option("source", source, "A camera (/dev/video0), a film, a folder of pictures, or one picture")
+        ->required();
     command->add_option("camera", file, "The camera's calibration")->required();
   };
   CLI::App* run_command = app.add_subcommand("run", "Send what is seen by multicast");
@@ -172,10 +176,14 @@ int main_of(int argc, char** argv) {
     add_source(command, running.source, running.file);
     command->add_option("--rate", running.options.rate_hz, "Pictures a second; of a camera: what to ask it for")
         ->check(CLI::Range(0.1, 1000.0));
-    command->add_option("--width", running.options.width_px, "What to ask a camera for [px]")->check(CLI::Range(16, 16384));
-    command->add_option("--height", running.options.height_px, "What to ask a camera for [px]")->check(CLI::Range(16, 16384));
+    command->add_option("--width", running.options.width_px, "What to ask a camera for [px]")
+        ->check(CLI::Range(16, 16384));
+    command->add_option("--height", running.options.height_px, "What to ask a camera for [px]")
+        ->check(CLI::Range(16, 16384));
   }
-  run_command->add_option("--interface", running.interfaces, "Network interfaces to send out of, such as eth0 or lo (all but lo)")
+  run_command
+      ->add_option("--interface", running.interfaces,
+                   "Network interfaces to send out of, such as eth0 or lo (all but lo)")
       ->allow_extra_args(false);
   run_command->add_option("--group", running.group.address, "Multicast group")->capture_default_str();
   run_command->add_option("--port", running.group.port, "UDP port")->capture_default_str();
@@ -189,16 +197,23 @@ int main_of(int argc, char** argv) {
   lens_command->add_option("camera", lens.file, "The calibration, to be written")->required();
   lens_command->add_option("pictures", lens.pictures, "Pictures, or folders of them")->required();
   lens_command->add_option("--board", board, "Inner corners across and down")->capture_default_str();
-  lens_command->add_option("--square", lens.square_m, "Side of a square [m]")->required()->check(CLI::Range(0.001, 1.0));
+  lens_command->add_option("--square", lens.square_m, "Side of a square [m]")
+      ->required()
+      ->check(CLI::Range(0.001, 1.0));
   CalibrateField field;
-  CLI::App* field_command = calibrate->add_subcommand("field", "Where the camera is, from a picture of the field's lines");
-  field_command->add_option("camera", field.file, "The calibration, with the lens")->required()->check(CLI::ExistingFile);
+  CLI::App* field_command =
+      calibrate->add_subcommand("field", "Where the camera is, from a picture of the field's lines");
+  field_command->add_option("camera", field.file, "The calibration, with the lens")
+      ->required()
+      ->check(CLI::ExistingFile);
   field_command->add_option("picture", field.picture, "A picture, or a camera")->required();
   field_command->add_option("--division", field.division, "Size of the field: A or B, instead of the calibration's")
       ->check(CLI::IsMember({"A", "B"}));
-  field_command->add_option("--points", field.points, "Lines of x y [m] and pixel x y, instead of a window to point at them");
+  field_command->add_option("--points", field.points,
+                            "Lines of x y [m] and pixel x y, instead of a window to point at them");
   CalibrateColours colours;
-  CLI::App* colours_command = calibrate->add_subcommand("colours", "What the colours look like, from a picture of robots and ball");
+  CLI::App* colours_command =
+      calibrate->add_subcommand("colours", "What the colours look like, from a picture of robots and ball");
   colours_command->add_option("camera", colours.file, "The calibration")->required();
   colours_command->add_option("picture", colours.picture, "A picture, or a camera")->required();
   colours_command->add_option("--samples", colours.samples,
@@ -211,7 +226,8 @@ int main_of(int argc, char** argv) {
   overlay_command->add_option("--every", overlay.every_s, "Show the robots each so many seconds")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1000.0));
-  overlay_command->add_option("--rate", overlay.rate_hz, "Pictures a second of a folder")->check(CLI::Range(0.1, 1000.0));
+  overlay_command->add_option("--rate", overlay.rate_hz, "Pictures a second of a folder")
+      ->check(CLI::Range(0.1, 1000.0));
 
   try {
     app.parse(argc, argv);

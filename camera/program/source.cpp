@@ -23,7 +23,8 @@ Source::Source(const std::string& name, const SourceOptions& options) : rate_hz_
   std::error_code ignored;
   is_device_ = is_number(name) || fs::is_character_file(name, ignored);
   if (is_device_) {
-    const bool is_open = is_number(name) ? capture_.open(std::stoi(name), cv::CAP_V4L2) : capture_.open(name, cv::CAP_V4L2);
+    const bool is_open =
+        is_number(name) ? capture_.open(std::stoi(name), cv::CAP_V4L2) : capture_.open(name, cv::CAP_V4L2);
     if (!is_open) throw std::runtime_error{"camera '" + name + "' cannot be opened: is it plugged in, and free?"};
     capture_.set(cv::CAP_PROP_BUFFERSIZE, 1);  // the newest picture, not the oldest
     if (options.width_px > 0) capture_.set(cv::CAP_PROP_FRAME_WIDTH, options.width_px);
@@ -33,7 +34,8 @@ Source::Source(const std::string& name, const SourceOptions& options) : rate_hz_
   }
   if (fs::is_directory(name, ignored)) {
     for (const auto& entry : fs::directory_iterator{name}) {
-      if (entry.is_regular_file() && cv::haveImageReader(entry.path().string())) files_.push_back(entry.path().string());
+      if (entry.is_regular_file() && cv::haveImageReader(entry.path().string()))
+        files_.push_back(entry.path().string());
     }
     std::ranges::sort(files_);
     if (files_.empty()) throw std::runtime_error{"folder '" + name + "' holds no pictures"};

@@ -13,7 +13,7 @@ namespace regista::camera {
 struct SourceOptions {
   /// [Hz] of a folder's pictures or a film, 0: that of the film, or 60. For a device: what it is asked for, 0: its own.
   double rate_hz = 0;
-  int width_px = 0;   ///< what a device is asked for; 0: its own
+  int width_px = 0;  ///< what a device is asked for; 0: its own
   int height_px = 0;
 };
 

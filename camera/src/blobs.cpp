@@ -28,7 +28,7 @@ void BlobFinder::join_with_row_above(std::size_t above, std::size_t row, std::si
 }
 
 std::span<const Blob> BlobFinder::find(const Image& image, const LightMap& light, const ColourTable& table,
-                                     int least_px) {
+                                       int least_px) {
   runs_.clear();
   blobs_.clear();
   std::size_t above = 0;
@@ -44,8 +44,7 @@ std::span<const Blob> BlobFinder::find(const Image& image, const LightMap& light
       if (colour != Colour::none && colour == last) {
         runs_.back().right = x;
       } else if (colour != Colour::none) {
-        runs_.push_back(
-            {.left = x, .right = x, .row = y, .colour = colour, .parent = static_cast<int>(runs_.size())});
+        runs_.push_back({.left = x, .right = x, .row = y, .colour = colour, .parent = static_cast<int>(runs_.size())});
       }
       last = colour;
     }

@@ -16,8 +16,8 @@ struct Blob {
   int bottom = 0;  ///< included
 };
 
-/// Bruce, Balch, Veloso: Fast and Inexpensive Color Image Segmentation for Interactive Robots, IROS 2000: runs of a colour
-/// in each row, joined with those above by union-find.
+/// Bruce, Balch, Veloso: Fast and Inexpensive Color Image Segmentation for Interactive Robots, IROS 2000: runs of a
+/// colour in each row, joined with those above by union-find.
 class BlobFinder {
  public:
   /// Blobs of at least `least_px` pixels, of the colours of patterns and ball. Valid until the next call.

@@ -22,8 +22,8 @@ void set_rotation(ssl::CameraCalibration& camera, const double* vector) {
 constexpr int lens_parameters = 4;  // focal length, principal point, distortion
 constexpr int pose_parameters = 6;  // rotation vector, translation
 
-/// What Levenberg and Marquardt minimise: how far from the pixels the model puts the points. Parameters: the lens, if it
-/// is free, and a pose for each view.
+/// What Levenberg and Marquardt minimise: how far from the pixels the model puts the points. Parameters: the lens, if
+/// it is free, and a pose for each view.
 class Residuals final : public cv::LMSolver::Callback {
  public:
   Residuals(std::span<const View> views, ssl::CameraCalibration camera, bool lens_is_free)

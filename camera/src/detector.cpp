@@ -20,7 +20,7 @@ constexpr int least_px = 4;
 constexpr double dot_tolerance_m = 0.012;
 /// Root of the mean square of these distances, over the five discs. [m]
 constexpr double fit_tolerance_m = 0.008;
-/// A robot's parts are not taken for a ball within this distance of its middle. [m]
+/// Within this distance of a robot's middle there is neither another nor a ball. [m]
 constexpr double robot_m = 0.07;
 
 /// A blob, and where it is on the field if it is a disc of its colour.
@@ -39,8 +39,8 @@ struct Fit {
   double error_m = 0;  ///< root mean square
 };
 
-/// A centroid finer than pixels: each weighs by the part of it that the disc covers, which its likeness to the disc's core
-/// tells. Greys weigh nothing, so the light on the black top does not matter; the carpet beside a green dot does.
+/// A centroid finer than pixels: each weighs by the part of it that the disc covers, which its likeness to the disc's
+/// core tells. Greys weigh nothing, so the light on the black top does not matter; the carpet beside a green dot does.
 Pixel centroid(const Image& image, const Blob& blob, const LightMap& light, const ColourTable& table) {
   const auto chroma = [](const std::uint8_t* p) {
     const int grey = std::min({p[0], p[1], p[2]});
@@ -209,14 +209,23 @@ struct Detector::Impl {
     }
     if (!green) return;
     const auto number = std::ranges::find(green_dots, *green) - green_dots.begin();
-    out.robots.push_back({.id = {team, static_cast<std::uint8_t>(number)},
-                          .x_m = best.x_m,
-                          .y_m = best.y_m,
-                          .heading_rad = best.heading_rad,
-                          .confidence = 1 - best.error_m / (2 * fit_tolerance_m),
-                          .pixel_x = centre.pixel.x,
-                          .pixel_y = centre.pixel.y,
-                          .height_m = height});
+    const ssl::DetectedRobot robot{.id = {team, static_cast<std::uint8_t>(number)},
+                                   .x_m = best.x_m,
+                                   .y_m = best.y_m,
+                                   .heading_rad = best.heading_rad,
+                                   .confidence = 1 - best.error_m / (2 * fit_tolerance_m),
+                                   .pixel_x = centre.pixel.x,
+                                   .pixel_y = centre.pixel.y,
+                                   .height_m = height};
+    // Glare can break the disc in the middle, and then there are two for the same dots.
+    const auto same = std::ranges::find_if(out.robots, [&](const ssl::DetectedRobot& other) {
+      return std::hypot(other.x_m - robot.x_m, other.y_m - robot.y_m) < robot_m;
+    });
+    if (same == out.robots.end()) {
+      out.robots.push_back(robot);
+    } else if (same->confidence < robot.confidence) {
+      *same = robot;
+    }
   }
 };
 
@@ -228,11 +237,12 @@ Result<> Detector::detect(const Image& image, ssl::Detection& out) {
   Impl& self = *impl_;
   out.robots.clear();
   out.balls.clear();
-  if (std::cmp_not_equal(image.width, self.camera.width_px) || std::cmp_not_equal(image.height, self.camera.height_px)) {
-    return Error{std::errc::invalid_argument, "a picture of " + std::to_string(image.width) + " x " +
-                                                  std::to_string(image.height) + " pixels from a camera calibrated for " +
-                                                  std::to_string(self.camera.width_px) + " x " +
-                                                  std::to_string(self.camera.height_px)};
+  if (std::cmp_not_equal(image.width, self.camera.width_px) ||
+      std::cmp_not_equal(image.height, self.camera.height_px)) {
+    return Error{std::errc::invalid_argument,
+                 "a picture of " + std::to_string(image.width) + " x " + std::to_string(image.height) +
+                     " pixels from a camera calibrated for " + std::to_string(self.camera.width_px) + " x " +
+                     std::to_string(self.camera.height_px)};
   }
   self.centres.clear();
   self.seen_dots.clear();
@@ -250,15 +260,14 @@ Result<> Detector::detect(const Image& image, ssl::Detection& out) {
           self.centres.push_back(*disc);
         break;
       default:
-        if (const auto disc = self.place(image, blob, dot_radius_m, self.height_m[0]))
-          self.seen_dots.push_back(*disc);
+        if (const auto disc = self.place(image, blob, dot_radius_m, self.height_m[0])) self.seen_dots.push_back(*disc);
     }
   }
   for (const Disc& centre : self.centres) self.find_robot(centre, out);
   for (const Disc& ball : self.balls) {
     const bool is_of_robot = std::ranges::any_of(out.robots, [&](const ssl::DetectedRobot& robot) {
-      return std::hypot(robot.pixel_x - ball.pixel.x, robot.pixel_y - ball.pixel.y) <
-             robot_m * self.camera.focal_px / std::abs(ssl::position(self.camera).z - robot.height_m);
+      const auto there = to_field(self.camera, ball.pixel, robot.height_m);
+      return there && std::hypot(robot.x_m - there->x, robot.y_m - there->y) < robot_m;
     });
     if (is_of_robot) continue;
     out.balls.push_back({.x_m = ball.x_m,

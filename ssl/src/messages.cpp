@@ -250,9 +250,11 @@ std::vector<std::byte> encode(const VisionPacket& packet) {
     field.set_boundary_mm(to_mm(packet.geometry->boundary_m));
     if (packet.geometry->defence_depth_m > 0) field.set_penalty_area_depth_mm(to_mm(packet.geometry->defence_depth_m));
     if (packet.geometry->defence_width_m > 0) field.set_penalty_area_width_mm(to_mm(packet.geometry->defence_width_m));
-    if (packet.geometry->circle_radius_m > 0) field.set_centre_circle_radius_mm(to_mm(packet.geometry->circle_radius_m));
+    if (packet.geometry->circle_radius_m > 0)
+      field.set_centre_circle_radius_mm(to_mm(packet.geometry->circle_radius_m));
     message.mutable_geometry()->set_field(field.SerializeAsString());
-    for (const CameraCalibration& camera : packet.geometry->cameras) put(camera, *message.mutable_geometry()->add_cameras());
+    for (const CameraCalibration& camera : packet.geometry->cameras)
+      put(camera, *message.mutable_geometry()->add_cameras());
     if (packet.geometry->rolling_mps2)
       message.mutable_geometry()->mutable_models()->mutable_straight()->set_roll_mps2(-*packet.geometry->rolling_mps2);
   }

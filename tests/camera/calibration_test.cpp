@@ -10,41 +10,13 @@
 namespace regista::camera {
 namespace {
 
-constexpr int columns = 9;
-constexpr int rows = 6;
-constexpr double square_m = 0.04;
-
-/// A board held before the camera of the field, which looks from the origin of the board's world.
-cv::Mat render_board(rendered::Camera camera, const cv::Vec3d& rotation, const cv::Vec3d& translation) {
-  camera.rotation = rotation;
-  camera.translation = translation;
-  rendered::Canvas canvas{camera};
-  canvas.fill({120, 120, 120});
-  const auto rectangle = [&](double x, double y, double width, double height, const cv::Scalar& colour) {
-    std::vector<cv::Point3d> rim;  // each side in pieces, as the lens bends it
-    for (int i = 0; i < 8; ++i) rim.emplace_back(x + width * i / 8, y, 0);
-    for (int i = 0; i < 8; ++i) rim.emplace_back(x + width, y + height * i / 8, 0);
-    for (int i = 0; i < 8; ++i) rim.emplace_back(x + width - width * i / 8, y + height, 0);
-    for (int i = 0; i < 8; ++i) rim.emplace_back(x, y + height - height * i / 8, 0);
-    canvas.polygon(rim, colour);
-  };
-  rectangle(-2 * square_m, -2 * square_m, (columns + 3) * square_m, (rows + 3) * square_m, {230, 230, 230});
-  for (int row = -1; row < rows; ++row) {
-    for (int column = -1; column < columns; ++column) {
-      if ((row + column) % 2 == 0) rectangle(column * square_m, row * square_m, square_m, square_m, {25, 25, 25});
-    }
-  }
-  return rendered::finish(canvas.coarse(), {.noise = 2, .seed = 7});
-}
-
-/// Boards in different corners of the picture, tilted differently.
 std::vector<View> boards(const rendered::Camera& camera) {
   std::vector<View> views;
-  for (int i = 0; i < 9; ++i) {
-    const cv::Vec3d rotation{0.5 * ((i % 3) - 1), 0.5 * ((i / 3) - 1) + 0.1, 0.1 * i};
-    const cv::Vec3d translation{-0.16 + 0.16 * ((i % 3) - 1), -0.1 + 0.12 * ((i / 3) - 1), 0.62 + 0.02 * i};
-    const cv::Mat picture = render_board(camera, rotation, translation);
-    if (const auto view = find_board(rendered::view(picture), columns, rows, square_m)) views.push_back(*view);
+  for (int i = 0; i < rendered::boards; ++i) {
+    const cv::Mat picture = rendered::render_board(camera, i);
+    const auto view =
+        find_board(rendered::view(picture), rendered::board_columns, rendered::board_rows, rendered::square_m);
+    if (view) views.push_back(*view);
   }
   return views;
 }
@@ -76,8 +48,7 @@ View clicked(const rendered::Camera& camera, double error_px) {
   std::mt19937 random{3};
   std::uniform_real_distribution<double> miss{-error_px, error_px};
   View view;
-  for (const auto& [x, y] : std::vector<std::pair<double, double>>{
-           {0, 2}, {0, -2}, {0, 0}, {0, 0.5}, {0, -0.5}, {2, 1}, {2, -1}, {-2, 1}, {-2, -1}, {0.5, 0}, {-0.5, 0}}) {
+  for (const auto& [x, y] : rendered::landmarks) {
     const cv::Point2d pixel = camera.see({x, y, 0});
     view.points.push_back({.x = x, .y = y});
     view.pixels.push_back({.x = pixel.x + miss(random), .y = pixel.y + miss(random)});

@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include "counting_new.hpp"
 #include <random>
+#include "counting_new.hpp"
 
 #include "rendered_field.hpp"
 
@@ -63,9 +63,9 @@ std::vector<Robot> everybody(unsigned seed) {
   std::uniform_real_distribution<double> turn{-rendered::pi, rendered::pi};
   std::vector<Robot> robots;
   for (int i = 0; i < 32; ++i) {
-    robots.push_back({.id = {i < 16 ? ssl::Team::yellow : ssl::Team::blue, static_cast<std::uint8_t>(i % 16)},
-                      .pose = {-2.1 + 0.6 * (i % 8) + shift(random), -1.3 + 0.85 * (i / 8) + shift(random),
-                               turn(random)}});
+    robots.push_back(
+        {.id = {i < 16 ? ssl::Team::yellow : ssl::Team::blue, static_cast<std::uint8_t>(i % 16)},
+         .pose = {-2.1 + 0.6 * (i % 8) + shift(random), -1.3 + 0.85 * (i / 8) + shift(random), turn(random)}});
   }
   return robots;
 }
@@ -112,7 +112,9 @@ TEST(Detector, follows_robots_at_three_metres_a_second) {
   for (unsigned seed = 0; seed < 2; ++seed) {
     auto robots = everybody(seed);
     for (std::size_t i = 0; i < robots.size(); ++i)
-      robots[i].velocity = {.x = 3 * std::cos(1.0 * static_cast<double>(i)), .y = 3 * std::sin(1.0 * static_cast<double>(i)), .w = i % 2 ? 8.0 : -8.0};
+      robots[i].velocity = {.x = 3 * std::cos(1.0 * static_cast<double>(i)),
+                            .y = 3 * std::sin(1.0 * static_cast<double>(i)),
+                            .w = i % 2 ? 8.0 : -8.0};
     const Look look{.gradient = 0.2, .noise = 3, .exposure_s = 0.005, .seed = seed + 1};
     score.add(robots, detect(render(overhead(), robots, {}, look)).robots);
   }
@@ -125,8 +127,7 @@ TEST(Detector, follows_robots_at_three_metres_a_second) {
 
 TEST(Detector, sees_nothing_on_an_empty_field) {
   for (unsigned seed = 0; seed < 3; ++seed) {
-    const ssl::Detection found =
-        detect(render(overhead(), {}, {}, {.gradient = 0.5, .noise = 6, .seed = seed + 1}));
+    const ssl::Detection found = detect(render(overhead(), {}, {}, {.gradient = 0.5, .noise = 6, .seed = seed + 1}));
     EXPECT_TRUE(found.robots.empty());
     EXPECT_TRUE(found.balls.empty());
   }
@@ -134,8 +135,8 @@ TEST(Detector, sees_nothing_on_an_empty_field) {
 
 TEST(Detector, sees_the_ball_at_rest_and_kicked) {
   const std::vector<Ball> balls{{1.5, 0.8}, {-1.7, -1.0}, {0.6, -0.7, {.x = 4, .y = -4}}};
-  const ssl::Detection found = detect(
-      render(overhead(), everybody(1), balls, {.gradient = 0.3, .noise = 4, .exposure_s = 0.005}));
+  const ssl::Detection found =
+      detect(render(overhead(), everybody(1), balls, {.gradient = 0.3, .noise = 4, .exposure_s = 0.005}));
   for (const Ball& ball : balls) {
     const auto near = std::ranges::find_if(found.balls, [&](const ssl::DetectedBall& seen) {
       return std::hypot(seen.x_m - ball.x, seen.y_m - ball.y) < 0.003;

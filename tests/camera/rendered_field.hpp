@@ -77,11 +77,11 @@ struct Ball {
 
 /// Light and camera.
 struct Look {
-  double gradient = 0;               ///< brightness falls by this share from the left to the right
-  cv::Vec3d cast{1, 1, 1};           ///< of the light: blue, green, red
-  double noise = 0;                  ///< standard deviation of each channel, of 255
+  double gradient = 0;      ///< brightness falls by this share from the left to the right
+  cv::Vec3d cast{1, 1, 1};  ///< of the light: blue, green, red
+  double noise = 0;         ///< standard deviation of each channel, of 255
   double exposure_s = 0;
-  double blur_px = 0.5;              ///< of the lens, standard deviation
+  double blur_px = 0.5;  ///< of the lens, standard deviation
   std::uint64_t seed = 1;
 };
 
@@ -254,6 +254,40 @@ inline cv::Mat render(const Camera& camera, const std::vector<Robot>& robots, co
   }
   return finish(sum, look);
 }
+
+inline constexpr int board_columns = 9;  ///< of inner corners
+inline constexpr int board_rows = 6;
+inline constexpr double square_m = 0.04;
+inline constexpr int boards = 9;
+
+/// A board before the camera, each time in another part of the picture and tilted differently.
+inline cv::Mat render_board(Camera camera, int number) {
+  const int i = number;
+  camera.rotation = {0.5 * ((i % 3) - 1), 0.5 * ((i / 3) - 1) + 0.1, 0.1 * i};
+  camera.translation = {-0.16 + 0.16 * ((i % 3) - 1), -0.1 + 0.12 * ((i / 3) - 1), 0.62 + 0.02 * i};
+  Canvas canvas{camera};
+  canvas.fill({120, 120, 120});
+  const auto rectangle = [&](double x, double y, double width, double height, const cv::Scalar& colour) {
+    std::vector<cv::Point3d> rim;  // each side in pieces, as the lens bends it
+    for (int k = 0; k < 8; ++k) rim.emplace_back(x + width * k / 8, y, 0);
+    for (int k = 0; k < 8; ++k) rim.emplace_back(x + width, y + height * k / 8, 0);
+    for (int k = 0; k < 8; ++k) rim.emplace_back(x + width - width * k / 8, y + height, 0);
+    for (int k = 0; k < 8; ++k) rim.emplace_back(x, y + height - height * k / 8, 0);
+    canvas.polygon(rim, colour);
+  };
+  constexpr double rim_m = 2 * square_m;
+  rectangle(-rim_m, -rim_m, (board_columns + 3) * square_m, (board_rows + 3) * square_m, {230, 230, 230});
+  for (int row = -1; row < board_rows; ++row) {
+    for (int column = -1; column < board_columns; ++column) {
+      if ((row + column) % 2 == 0) rectangle(column * square_m, row * square_m, square_m, square_m, {25, 25, 25});
+    }
+  }
+  return finish(canvas.coarse(), {.noise = 2, .seed = 7});
+}
+
+/// Where the drawn lines meet. [m]
+inline const std::vector<cv::Point2d> landmarks{{0, 2},  {0, -2}, {0, 0},   {0, 0.5}, {0, -0.5}, {2, 1},
+                                                {2, -1}, {-2, 1}, {-2, -1}, {0.5, 0}, {-0.5, 0}};
 
 inline Image view(const cv::Mat& picture) {
   return {.pixels = picture.ptr(), .width = picture.cols, .height = picture.rows, .row_bytes = picture.step};

@@ -14,8 +14,8 @@ namespace regista::camera {
 
 using Bgr = std::array<double, 3>;  ///< blue, green, red; 0 to 255
 
-/// How a colour looks in the light of LightMap: a normal distribution of the hue, which light does not change, and of the brightness, which it
-/// does.
+/// How a colour looks in the light of LightMap: a normal distribution of the hue, which light does not change, and of
+/// the brightness, which it does.
 struct ColourModel {
   Colour colour = Colour::none;
   Bgr bgr{};                       ///< typical

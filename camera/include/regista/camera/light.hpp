@@ -8,8 +8,8 @@
 namespace regista::camera {
 
 /// How bright the light is, over the picture: the carpet, which covers most of it, serves as the photographer's grey
-/// card. So a dot in the shade is not taken for carpet in the light, and colours need no calibration anew when the sun or
-/// the exposure changes.
+/// card. So a dot in the shade is not taken for carpet in the light, and colours need no calibration anew when the sun
+/// or the exposure changes.
 class LightMap {
  public:
   /// Reads a sample of the picture's pixels.
@@ -18,10 +18,11 @@ class LightMap {
   /// From a channel's value at this pixel to the one in normal light, in which the carpet is as bright as `carpet`. The
   /// same for the pixels of a block.
   [[nodiscard]] const std::uint8_t* table(int x, int y) const {
-    return (*tables_)[levels_[static_cast<std::size_t>(y / block) * columns_ + static_cast<std::size_t>(x / block)]].data();
+    return (*tables_)[levels_[static_cast<std::size_t>(y / block) * columns_ + static_cast<std::size_t>(x / block)]]
+        .data();
   }
 
-  static constexpr int block = 16;     ///< [px]
+  static constexpr int block = 16;      ///< [px]
   static constexpr double carpet = 60;  ///< mean of the three channels
 
  private:

@@ -26,7 +26,8 @@ struct Dot {
   double y = 0;  ///< [m]
 };
 /// Counter-clockwise from the front left.
-inline constexpr std::array<Dot, 4> dots{{{0.035, 0.054772}, {-0.054772, 0.035}, {-0.054772, -0.035}, {0.035, -0.054772}}};
+inline constexpr std::array<Dot, 4> dots{
+    {{0.035, 0.054772}, {-0.054772, 0.035}, {-0.054772, -0.035}, {0.035, -0.054772}}};
 
 /// Which of `dots` are green, the others being magenta: bit 0 is the front left. By number of the robot.
 inline constexpr std::array<std::uint8_t, ssl::robots_per_team> green_dots{
