@@ -133,6 +133,27 @@ TEST(Detector, sees_nothing_on_an_empty_field) {
   }
 }
 
+TEST(Detector, takes_no_confetti_for_robots) {
+  std::mt19937 random{11};
+  std::uniform_real_distribution<double> x{-2.5, 2.5};
+  std::uniform_real_distribution<double> y{-1.8, 1.8};
+  for (int round = 0; round < 3; ++round) {
+    rendered::Canvas canvas{overhead()};
+    rendered::draw_field(canvas);
+    const std::array<cv::Scalar, 4> inks{rendered::yellow, rendered::blue, rendered::green, rendered::magenta};
+    for (std::size_t i = 0; i < 400; ++i) canvas.disc({x(random), y(random), 0.15}, 0.022, inks[i % 4]);
+    EXPECT_TRUE(detect(rendered::finish(canvas.coarse(), {.noise = 4})).robots.empty());
+  }
+}
+
+TEST(Detector, sees_a_robot_once_whose_middle_is_broken_by_glare) {
+  const Robot robot{.id = {ssl::Team::blue, 5}, .pose = {0.4, 0.3, 0.3}};
+  cv::Mat picture = render(overhead(), {robot}, {});
+  const cv::Point2d middle = overhead().see({0.4, 0.3, 0.15});
+  cv::line(picture, middle - cv::Point2d{0, 4}, middle + cv::Point2d{0, 4}, {250, 250, 250}, 1);
+  EXPECT_EQ(detect(picture).robots.size(), 1U);
+}
+
 TEST(Detector, sees_the_ball_at_rest_and_kicked) {
   const std::vector<Ball> balls{{1.5, 0.8}, {-1.7, -1.0}, {0.6, -0.7, {.x = 4, .y = -4}}};
   const ssl::Detection found =
@@ -155,6 +176,18 @@ TEST(Detector, takes_the_height_of_the_patterns_into_account) {
   };
   EXPECT_LT(at(0.12), 0.001);
   EXPECT_NEAR(at(0.15), 0.03 * std::hypot(1.9, 1.25) / 3.88, 0.003);
+}
+
+TEST(Detector, takes_teams_of_different_heights) {
+  const std::vector<Robot> high{{.id = {ssl::Team::yellow, 9}, .pose = {-1.8, 1, 1}}};
+  cv::Mat picture = render(overhead(), high, {}, {}, 0.15);
+  const cv::Mat low = render(overhead(), {{.id = {ssl::Team::blue, 6}, .pose = {1.8, -1, 2}}}, {}, {}, 0.1);
+  const cv::Rect right_half{picture.cols / 2, 0, picture.cols - picture.cols / 2, picture.rows};
+  low(right_half).copyTo(picture(right_half));
+  const auto found = detect(picture, {.yellow_height_m = 0.15, .blue_height_m = 0.1}).robots;
+  ASSERT_EQ(found.size(), 2U);
+  for (const ssl::DetectedRobot& robot : found)
+    EXPECT_LT(std::hypot(std::abs(robot.x_m) - 1.8, std::abs(robot.y_m) - 1), 0.001) << to_string(robot.id);
 }
 
 TEST(Detector, refuses_a_picture_of_another_size) {
