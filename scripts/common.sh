@@ -5,6 +5,7 @@
 
 # Debian packages to build and run what users get …
 build_packages=(ccache cmake gcc g++ ninja-build libasio-dev libcli11-dev libeigen3-dev libfmt-dev libprotobuf-dev
+  libopencv-calib3d-dev libopencv-highgui-dev libopencv-imgcodecs-dev libopencv-imgproc-dev libopencv-videoio-dev
   libspdlog-dev nlohmann-json3-dev protobuf-compiler)
 # … and those that only the checks need. libclang-rt-19-dev holds libFuzzer and the sanitizers of clang; user-mode-linux a
 # kernel with CAN, for tests/vm/with-vcan.

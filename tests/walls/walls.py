@@ -30,6 +30,7 @@ MAY_INCLUDE = {
     "server": ["device", "xdr", "interfaces", "core", "client/cpp", "metrics"],
     "testing": ["server", "client/cpp", "device", "xdr", "interfaces", "core", "metrics"],
     "vision_bridge": ["ssl", "control", "core"],
+    "camera": ["ssl", "core"],
 }
 
 # Header prefix: the folders that may name it. No public header of core, interfaces or device is among them.
@@ -38,13 +39,13 @@ HOMES = {
     "asio": ["server", "client/cpp", "ssl", "vision_bridge", "testing", "drivers", "programs"],
     "linux/can": ["canopen/src"],
     "google/protobuf": ["ssl"],
-    "opencv2/": ["programs"],
+    "opencv2/": ["camera"],
     "gps.h": ["drivers"],
     "GeographicLib/": ["drivers"],
-    "spdlog/": ["server", "programs", "vision_bridge"],
-    "fmt/": ["server", "programs", "vision_bridge"],
-    "CLI/": ["server", "programs", "vision_bridge"],
-    "nlohmann/": ["metrics/src", "server", "programs", "vision_bridge"],
+    "spdlog/": ["server", "programs", "vision_bridge", "camera"],
+    "fmt/": ["server", "programs", "vision_bridge", "camera"],
+    "CLI/": ["server", "programs", "vision_bridge", "camera"],
+    "nlohmann/": ["metrics/src", "server", "programs", "vision_bridge", "camera"],
     "pybind11/": ["client/python"],
 }
 STD_ONLY = ["core/include", "interfaces/include", "device/include"]
