@@ -29,6 +29,7 @@ struct Fix {
   double time_s = 0;          ///< UTC since 1970; 0: unknown
   std::uint32_t quality = 0;  ///< 0 none: of the rest only time and satellites count; 1 GPS, 2 differential
   Geodetic place{};
+  bool three_d = false;  ///< the altitude is measured; if not, it is 0
   double speed_mps = 0;
   double course_rad = 0;  ///< counter-clockwise from north
   double east_sd_m = 0;

@@ -59,6 +59,7 @@ void SimulatedGps::publish() {
   const Fix fix{.time_s = time_s_,
                 .quality = 1,
                 .place = frame_.geodetic({.x = seen_->x_m, .y = seen_->y_m}),
+                .three_d = true,
                 .speed_mps = std::hypot(velocity.x, velocity.y),
                 .course_rad = std::atan2(velocity.y, velocity.x) - std::numbers::pi / 2,
                 .east_sd_m = sd_m,
