@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole way: NMEA that pynmeagps wrote, a serial line (a pty), gpsd, regista-server, TCP, a client of packed bytes."""
+"""The whole way: NMEA of pynmeagps, a serial line (a pty), gpsd, regista-server, TCP, a client of packed bytes."""
 
 import datetime
 import math
@@ -19,7 +19,7 @@ import pynmeagps
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "faults"))
-from regista_process import ACK, BIN, DATA, NACK, Client, ServerProcess, wait_for  # noqa: E402
+from regista_process import ACK, BIN, DATA, NACK, Client, ServerProcess, wait_for
 
 DRIVERS = BIN.parent / "lib/regista"
 GPSD = shutil.which("gpsd") or shutil.which("gpsd", path="/usr/sbin:/sbin")
@@ -39,7 +39,7 @@ class Receiver:
         tty.setraw(self.far)
         tty.setraw(near)
         self.path = os.ttyname(near)
-        os.chmod(self.path, 0o666)  # gpsd lets go of root
+        Path(self.path).chmod(0o666)  # gpsd lets go of root
         self.near = near
         self.latitude, self.longitude, self.altitude, self.geoid = 63.41, 10.42, 15.0, 40.5
         self.speed_knots, self.course = 0.0, 0.0
@@ -148,6 +148,7 @@ class GpsServer(ServerProcess):
 
 
 STATE = struct.Struct(">2I3i4d4I2d")
+LOCAL = ["x", "y", "heading", "xx", "yy", "aa", "xy", "ya", "xa", "weight"]
 
 
 class Listener:
@@ -173,7 +174,7 @@ class Listener:
             else:
                 assert struct.unpack_from(">IdII", message[5])[2:] == (1, 1)
                 numbers = struct.unpack_from(">10d", message[5], 20)
-                data = dict(zip("x y heading xx yy aa xy ya xa weight".split(), numbers, strict=True))
+                data = dict(zip(LOCAL, numbers, strict=True))
             if true(data):
                 return data
         raise TimeoutError("it did not come")
@@ -303,5 +304,6 @@ def test_gpsd_without_a_receiver(tmp_path):
     port = free_port()
     # Without receivers gpsd wants a socket by which it might be told of one.
     with Gpsd(port, "-F", str(tmp_path / "control")), GpsServer(tmp_path, port, "timeout 1") as server:
-        assert Listener(server.port).open(GPS) == ACK
+        listener = Listener(server.port)
+        assert listener.open(GPS) == ACK
         wait_for(lambda: "has no receiver: is it plugged in?" in server.log())
