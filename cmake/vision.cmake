@@ -20,3 +20,4 @@ regista_program(regista-vision-bridge
                         ${program}/robot_link.cpp ${program}/status_server.cpp
                 USES vision ssl client device metrics core
                 LINKS spdlog::spdlog CLI11::CLI11 nlohmann_json::nlohmann_json Threads::Threads)
+regista_program(regista-field-sim SOURCES programs/field_sim.cpp USES sim ssl core LINKS CLI11::CLI11)
