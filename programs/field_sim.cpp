@@ -43,7 +43,7 @@ struct Options {
   bool used = false;
 };
 
-/// SIGUSR1 covers the cameras and uncovers them.
+/// The cameras are: SIGUSR1 covers them, SIGUSR2 uncovers them.
 volatile std::sig_atomic_t covered = 0;
 
 constexpr double overlap_m = 0.3;  // that both of two neighbours see
@@ -171,7 +171,7 @@ int play(const Options& options) {
   };
   add(ssl::Team::yellow, options.yellow);
   add(ssl::Team::blue, options.blue);
-  (void)std::signal(SIGUSR1, [](int) { covered = 1 - covered; });
+  for (const int number : {SIGUSR1, SIGUSR2}) (void)std::signal(number, [](int n) { covered = n == SIGUSR1 ? 1 : 0; });
   std::cout << "regista-field-sim: ready\n" << std::flush;
 
   const Duration period = options.report_hz > 0 ? from_seconds(1 / options.report_hz) : Duration::max();
@@ -198,7 +198,7 @@ int main(int argc, char** argv) {
   CLI::App app{
       "A simulated field of the Small Size League. Each robot is a motor board at a pseudo-terminal, FOLDER/yellow0 and "
       "so on: the `port` of an ssl_robot. The cameras multicast what they see as SSL-Vision does; "
-      "SIGUSR1 covers them, and uncovers them.",
+      "SIGUSR1 covers them, SIGUSR2 uncovers them.",
       "regista-field-sim"};
   Options options;
   const CLI::Range probability{0.0, 1.0};

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 
 from league import BIN, ROOT, Bridge, free_udp_port, wait_for
 
@@ -19,7 +19,7 @@ from regista_process import ACK, COMMAND, DATA, POSITION2D, Client, ServerProces
 FIELD = BIN / "regista-field-sim"
 KICKER = 67
 HIDDEN = 0.02  # s of vision's delay that no timestamp shows
-DRIVER = 'name "ssl_robot" provides ["position2d:0" "position2d:1" "kicker:0"] sensors ["position2d:1"] rate 200 speed 1 accel 2.5'
+DRIVER = 'name "ssl_robot" provides ["position2d:0" "position2d:1" "kicker:0"] sensors ["position2d:1"] rate 200 speed 1 accel 2.5 vision_sd 0.008'
 
 
 class Simulation:
@@ -124,9 +124,14 @@ class Loop(ExitStack):
             raise AssertionError(f"{self.error(x, y)} m from there; {self.server.log()}{self.bridge.log()}") from None
         time.sleep(0.2)
 
-    def cover_cameras(self):
-        """Or uncover them."""
+    @contextmanager
+    def blind(self):
+        """No poses meanwhile."""
         self.field.process.send_signal(signal.SIGUSR1)
+        yield
+        heard = len(self.pilot.ages)
+        self.field.process.send_signal(signal.SIGUSR2)
+        wait_for(lambda: len(self.pilot.ages) > heard)
 
     def drive_square(self, within):
         """One metre a side, from (-1.5, 0); the worst distance from a corner [m]."""

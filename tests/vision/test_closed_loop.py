@@ -36,25 +36,22 @@ def test_f17_vision_is_lost_for_a_while(tmp_path):
     with Loop(tmp_path) as loop:
         loop.pilot.go_to(1.5, 0)
         wait_for(lambda: loop.speed() > 0.4)
-        loop.cover_cameras()
-        time.sleep(0.35)
-        loop.cover_cameras()
+        with loop.blind():
+            time.sleep(0.35)
         assert "vision lost" not in loop.server.log()
         assert loop.speed() > 0.4, "goes on by wheels and IMU"
 
-        loop.cover_cameras()
-        wait_for(lambda: "vision lost 0.5 s — position control stopped" in loop.server.log())
-        wait_for(lambda: loop.speed() < 0.02)
-        loop.cover_cameras()
+        with loop.blind():
+            wait_for(lambda: "vision lost 0.5 s — position control stopped" in loop.server.log())
+            wait_for(lambda: loop.speed() < 0.02)
         loop.rest_at(1.5, 0, 0.02)
         assert "vision is back" in loop.server.log()
         assert "given up" not in loop.server.log()
 
         loop.pilot.go_to(-1.5, 0)
         wait_for(lambda: loop.speed() > 0.4)
-        loop.cover_cameras()
-        wait_for(lambda: "vision lost 2 s: destination given up" in loop.server.log())
-        loop.cover_cameras()
+        with loop.blind():
+            wait_for(lambda: "vision lost 2 s: destination given up" in loop.server.log())
         time.sleep(0.5)  # seen again, it must not go on
         assert loop.speed() < 0.02 and loop.error(-1.5, 0) > 1
         loop.pilot.go_to(0.5, 0.5)
