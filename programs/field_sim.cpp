@@ -161,9 +161,9 @@ int play(const Options& options) {
       if (options.used) board.robot = sim::used_ssl_robot(seed);
       board.robot.seed = seed;
       board.imu.seed = seed + 1;
-      (void)field.add(board, {.x = yellow ? -1.5 : 1.5,
-                              .y = 0.6 * (i - (count - 1) / 2.0),
-                              .heading = yellow ? 0 : std::numbers::pi});
+      (void)field.add(
+          board,
+          {.x = yellow ? -1.5 : 1.5, .y = 0.6 * (i - (count - 1) / 2.0), .heading = yellow ? 0 : std::numbers::pi});
       cameras.watch({team, static_cast<std::uint8_t>(i)});
       names.push_back((yellow ? "yellow" : "blue") + std::to_string(i));
       terminals.emplace_back().link(std::filesystem::path{options.links} / names.back());
@@ -196,7 +196,8 @@ int play(const Options& options) {
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "A simulated field of the Small Size League. Each robot is a motor board at a pseudo-terminal, FOLDER/yellow0 and "
+      "A simulated field of the Small Size League. Each robot is a motor board at a pseudo-terminal, FOLDER/yellow0 "
+      "and "
       "so on: the `port` of an ssl_robot. The cameras multicast what they see as SSL-Vision does; "
       "SIGUSR1 covers them, SIGUSR2 uncovers them.",
       "regista-field-sim"};

@@ -17,8 +17,8 @@ struct FieldParameters {
   KickerParameters kicker = {};  ///< only its place on the robot: the boards have capacitors of their own
 };
 
-/// A field with robots on their motor boards, and a ball that they push, hold with the dribbler and kick. The ball rolls:
-/// a chip is a slower kick. Boards around the field send it back. Deterministic.
+/// A field with robots on their motor boards, and a ball that they push, hold with the dribbler and kick. The ball
+/// rolls: a chip is a slower kick. Boards around the field send it back. Deterministic.
 class Field {
  public:
   static constexpr double robot_radius_m = 0.09;
