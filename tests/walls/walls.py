@@ -29,8 +29,9 @@ MAY_INCLUDE = {
     "client/cpp": ["xdr", "interfaces", "core"],
     "server": ["device", "xdr", "interfaces", "core", "client/cpp", "metrics"],
     "testing": ["server", "client/cpp", "device", "xdr", "interfaces", "core", "metrics"],
-    "vision_bridge": ["ssl", "control", "core"],
+    "vision_bridge": ["ssl", "control", "device", "interfaces", "core"],
     "camera": ["ssl", "core"],
+    "soccer": ["vision_bridge", "client/cpp", "xdr", "ssl", "control", "device", "interfaces", "core"],
 }
 
 # Header prefix: the folders that may name it. No public header of core, interfaces or device is among them.
