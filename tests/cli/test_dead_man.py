@@ -5,7 +5,7 @@ import itertools
 import math
 
 import pytest
-from regista.cli.teleop import (
+from regista.cli.hand import (
     AXES,
     BUTTONS,
     EV_ABS,

@@ -8,7 +8,7 @@ import subprocess
 import pytest
 import regista
 from command_line import Terminal, owned, run, wait_for
-from regista.cli.teleop import AXES, BUTTONS, EV_ABS, EV_KEY, EVENT
+from regista.cli.hand import AXES, BUTTONS, EV_ABS, EV_KEY, EVENT
 
 
 @pytest.fixture

@@ -23,8 +23,8 @@ import regista
 
 from . import common
 from .common import RobotOption, TimeoutOption, examples
+from .hand import DeadMan, Keys, Release, Velocity
 from .look import LOCALHOST
-from .teleop import DeadMan, Keys, Release, Velocity
 
 HELP = """\
   w, up     ahead          q  to the left    +  faster       t  take over from whoever drives

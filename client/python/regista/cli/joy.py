@@ -20,8 +20,8 @@ from rich.text import Text
 from . import common
 from .common import RobotOption, TimeoutOption, examples
 from .drive import Session, ends_on_signals
+from .hand import AXES, BUTTONS, DeadMan, Layout, Pad, Velocity
 from .look import LOCALHOST
-from .teleop import AXES, BUTTONS, DeadMan, Layout, Pad, Velocity
 
 HELP = "Hold the dead man's button to drive; the turbo button doubles the speed; the stop button stops every device."
 

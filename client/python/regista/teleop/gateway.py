@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Serves the page and its one WebSocket, on loopback."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import json
+import math
+import secrets
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, cast
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+import regista
+from regista.cli.hand import Velocity
+
+from . import PAGE
+from .link import Link
+from .mission import Point
+
+FRAMES = 60  # a second
+PENDING_BYTES = 256 * 1024  # a page that is further behind gets no frames until it has caught up
+SILENCE_SECONDS = 1.0  # a page says that it is alive five times a second; without that, nobody watches
+
+# The page has all that it needs: nothing comes from elsewhere, nothing goes elsewhere, nobody frames it.
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "geolocation=(), camera=(), microphone=()",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-cache",
+}
+
+
+class Page:
+    """A browser's page, as long as its socket is open."""
+
+    def __init__(self, socket: web.WebSocketResponse, transport: asyncio.Transport) -> None:
+        self._socket = socket
+        self._transport = transport
+        self._queue: asyncio.Queue[str] = asyncio.Queue(1000)
+        self.behind = True  # the next frame holds everything
+        self.visible = True
+        self.heard = time.monotonic()
+
+    def tell(self, message: dict[str, Any]) -> None:
+        self._put(json.dumps(message, separators=(",", ":")))
+
+    def frame(self, text: str) -> None:
+        self.behind = False
+        self._put(text)
+
+    @property
+    def slow(self) -> bool:
+        return self._transport.get_write_buffer_size() > PENDING_BYTES or self._queue.qsize() > 10
+
+    def _put(self, text: str) -> None:
+        try:
+            self._queue.put_nowait(text)
+        except asyncio.QueueFull:  # what it must not miss has no room
+            self._transport.abort()
+
+    async def send(self) -> None:
+        while True:
+            await self._socket.send_str(await self._queue.get())
+
+
+class Gateway:
+    """The web server and its links to robots.
+
+    Of several pages one has the controls, the first that asked; the others look on, and may take the controls. STOP is
+    everybody's.
+    """
+
+    def __init__(self, name: str, recordings: Path) -> None:
+        self.token = secrets.token_urlsafe(16)
+        self.url = ""
+        self._name = name
+        self._recordings = recordings
+        self._links: dict[int, Link] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._pages: list[Page] = []
+        self._pilot: Page | None = None
+        self._hosts: set[str] = set()
+        self._runner: web.AppRunner | None = None
+
+    async def start(self, port: int) -> None:
+        """Listen on 127.0.0.1. Raises OSError when the port is taken."""
+        app = web.Application(middlewares=[self._guard])
+        app.router.add_get("/", self._index)
+        app.router.add_get("/socket", self._socket)
+        if PAGE.is_dir():
+            app.router.add_static("/assets", PAGE / "assets")
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
+        await self._runner.setup()
+        site = web.TCPSite(self._runner, "127.0.0.1", port)
+        await site.start()
+        port = self._runner.addresses[0][1]
+        self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+        self._name = f"{self._name}:{port}"
+        self.url = f"http://127.0.0.1:{port}/#{self.token}"
+        self._spawn(self._beat())
+
+    def add(self, label: str, host: str, port: int) -> Link:
+        """A robot; it may come later, and go."""
+        link = Link(max(self._links, default=-1) + 1, label, host, port, self._name[:63], self._tell)
+        self._links[link.number] = link
+        self._spawn(link.run())
+        return link
+
+    async def close(self) -> None:
+        """Robots at rest and given back, sockets closed."""
+        await asyncio.gather(*(link.close() for link in self._links.values()))
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        if self._runner is not None:
+            await self._runner.cleanup()
+
+    def _spawn(self, work: Any) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        for page in self._pages:
+            page.tell(message)
+
+    # The web
+
+    @web.middleware
+    async def _guard(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Only who meant this server: a foreign page that resolves its own name to 127.0.0.1 says another Host."""
+        if request.host not in self._hosts:
+            raise web.HTTPForbidden(text="wrong Host\n")
+        response = await handler(request)
+        if not response.prepared:
+            response.headers.update(HEADERS)
+        return response
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        index = PAGE / "index.html"
+        if not index.is_file():
+            return web.Response(
+                status=503,
+                text="This wheel was built without npm, and has no page: docs/teleop.md says how to get one.\n",
+            )
+        return web.FileResponse(index, headers=HEADERS)
+
+    async def _socket(self, request: web.Request) -> web.StreamResponse:
+        if request.headers.get("Origin") not in {f"http://{host}" for host in self._hosts}:
+            raise web.HTTPForbidden(text="wrong Origin\n")
+        if not hmac.compare_digest(request.query.get("token", "").encode(), self.token.encode()):
+            raise web.HTTPForbidden(text="wrong token: open the address that regista teleop printed\n")
+        socket = web.WebSocketResponse(max_msg_size=256 * 1024, compress=False, timeout=1.0)
+        await socket.prepare(request)
+        page = Page(socket, cast(asyncio.Transport, request.transport))
+        self._enter(page)
+        sending = asyncio.get_running_loop().create_task(page.send())
+        try:
+            async for message in socket:
+                if message.type is not WSMsgType.TEXT:
+                    break
+                page.heard = time.monotonic()
+                await self._take(page, message.data)
+        except ConnectionError:
+            pass
+        finally:
+            sending.cancel()
+            self._leave(page)
+            with contextlib.suppress(ConnectionError, asyncio.CancelledError):
+                await sending
+        await socket.close(code=WSCloseCode.GOING_AWAY)
+        return socket
+
+    def _enter(self, page: Page) -> None:
+        self._pages.append(page)
+        page.tell({"t": "hello", "name": self._name[:63]})
+        for link in self._links.values():
+            for message in link.state.values():
+                page.tell(message)
+        if self._pilot is None:
+            self._pilot = page
+        self._tell_pilot()
+
+    def _leave(self, page: Page) -> None:
+        self._pages.remove(page)
+        if page is self._pilot:
+            self._pilot = None
+            self._abandon("the page was closed")
+        self._tell_pilot()
+
+    def _tell_pilot(self) -> None:
+        for page in self._pages:
+            page.tell({"t": "controls", "yours": page is self._pilot, "taken": self._pilot is not None})
+
+    def _abandon(self, reason: str) -> None:
+        for link in self._links.values():
+            link.let_go()
+            self._spawn(link.page_gone(reason))
+
+    # What pages say
+
+    async def _take(self, page: Page, text: str) -> None:
+        try:
+            message = json.loads(text)
+            type_ = message["t"]
+            if type_ == "drive":  # fifty times a second: no answer
+                if page is self._pilot and page.visible:
+                    self._link(message).hold(message["device"], _velocity(message))
+                return
+            if type_ == "release":
+                if page is self._pilot:
+                    for link in self._links.values():
+                        link.let_go()
+                return
+            if type_ == "alive":
+                page.tell({"t": "alive", "n": message["n"]})
+                return
+            if type_ == "visible":
+                self._see(page, bool(message["on"]))
+                return
+        except (KeyError, TypeError, ValueError, regista.Error):
+            return  # what is no command moves nothing
+        self._spawn(self._answer(page, message))
+
+    def _see(self, page: Page, visible: bool) -> None:
+        page.visible = visible
+        if not visible and page is self._pilot:
+            self._abandon("the page is hidden")
+
+    async def _answer(self, page: Page, message: dict[str, Any]) -> None:
+        error = None
+        try:
+            await self._do(page, message)
+        except (regista.Error, ValueError, OSError) as problem:
+            error = str(problem)
+        except (KeyError, TypeError) as problem:
+            error = f"{message['t']}: {problem!r}"
+        page.tell({"t": "reply", "n": message.get("n"), "error": error})
+
+    async def _do(self, page: Page, message: dict[str, Any]) -> None:
+        type_ = message["t"]
+        if type_ == "stop":
+            links = [self._link(message)] if message.get("robot") is not None else list(self._links.values())
+            done = await asyncio.gather(*(link.stop() for link in links), return_exceptions=True)
+            for problem in done:
+                if isinstance(problem, BaseException) and not isinstance(problem, regista.ConnectionError):
+                    raise problem
+            return
+        if type_ == "controls":
+            if self._pilot is not page:
+                self._abandon("another page took the controls")
+                self._pilot = page
+                self._tell_pilot()
+            return
+        if page is not self._pilot:
+            raise ValueError("another page has the controls: take them first")
+        link = self._link(message)
+        device = message["device"]
+        if type_ == "go":
+            link.go(device, [_point(point) for point in message["points"]], alone=bool(message["alone"]))
+        elif type_ == "pause":
+            await link.pause(device)
+        elif type_ == "resume":
+            link.resume(device)
+        elif type_ == "cancel":
+            await link.cancel(device)
+        elif type_ == "take":
+            await link.take(device)
+        elif type_ == "give":
+            await link.give(device)
+        elif type_ == "motors":
+            await link.motors(device, bool(message["on"]))
+        elif type_ == "odometry":
+            await link.odometry(device, *(_number(value) for value in message["pose"]))
+        elif type_ == "kick":
+            await link.kick(device, message["action"], _number(message["speed"]), _number(message.get("angle", 0)))
+        elif type_ == "outputs":
+            await link.outputs(device, int(message["count"]), int(message["bits"]))
+        else:
+            raise ValueError(f"no such request: {type_}")
+
+    def _link(self, message: dict[str, Any]) -> Link:
+        link = self._links.get(message["robot"])
+        if link is None:
+            raise ValueError("there is no such robot")
+        return link
+
+    # Sixty times a second
+
+    async def _beat(self) -> None:
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        while True:
+            due = max(due + 1 / FRAMES, loop.time())
+            await asyncio.sleep(due - loop.time())
+            for link in self._links.values():
+                link.tick()
+            now = time.monotonic()
+            pilot = self._pilot
+            if pilot is not None and pilot.visible and now - pilot.heard > SILENCE_SECONDS:
+                self._see(pilot, False)
+            self._frames(now)
+
+    def _frames(self, now: float) -> None:
+        pages = [page for page in self._pages if page.visible and not page.slow]
+        for page in self._pages:
+            page.behind = page.behind or page not in pages
+        if not pages:
+            return
+        news: str | None = None
+        everything: str | None = None
+        # The newest of each stream is enough, so that whoever was left out gets all.
+        if any(page.behind for page in pages):
+            everything = self._frame(now, again=True)
+        if any(not page.behind for page in pages):
+            news = everything if everything is not None else self._frame(now, again=False)
+        for page in pages:
+            text = everything if page.behind else news
+            if text is not None:
+                page.frame(text)
+
+    def _frame(self, now: float, *, again: bool) -> str | None:
+        robots = [[link.number, rows] for link in self._links.values() if (rows := link.news(now, again=again))]
+        if not robots and not again:
+            return None
+        return json.dumps({"t": "frame", "at": round(now, 4), "robots": robots}, separators=(",", ":"))
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError("not a finite number")
+    return number
+
+
+def _velocity(message: dict[str, Any]) -> Velocity:
+    return Velocity(_number(message["x"]), _number(message["y"]), _number(message["w"]))
+
+
+def _point(values: list[Any]) -> Point:
+    x, y, heading = values
+    return Point(_number(x), _number(y), None if heading is None else _number(heading))

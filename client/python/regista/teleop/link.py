@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One robot, as the gateway knows it: connected again and again, its newest values, and what it is told to do."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import time
+from collections.abc import Callable
+from typing import Any, cast
+
+import regista
+import regista.asyncio
+from regista import dio, kicker, position2d
+from regista.message import Data
+
+from . import fields
+from .hand import Hand
+from .mission import Mission, Point, State
+
+Tell = Callable[[dict[str, Any]], None]
+
+# What a page can show. Opening a device may start hardware: others stay closed.
+SHOWN = (
+    "position2d",
+    "position1d",
+    "power",
+    "kicker",
+    "imu",
+    "gps",
+    "dio",
+    "aio",
+    "actarray",
+    "localize",
+    "planner",
+)
+STATUS_SECONDS = 0.2
+RETRY_SECONDS = (0.2, 0.5, 1.0, 2.0)
+PEOPLE = 20  # the priority of what a person does by hand
+
+
+class Stream:
+    """One kind of message of one device: a row of numbers."""
+
+    def __init__(self, device: regista.asyncio.Device[Any], kind: type[Data]) -> None:
+        self.address = device.address
+        self.name = kind.NAME
+        self.paths, self._values = fields.numbers(kind)
+        self._device, self._kind = device, kind
+        self._count = 0
+
+    def news(self, now: float, *, again: bool) -> list[float | None] | None:
+        """Its age [s] and its numbers, when there are new ones, or `again`. What is no number is None."""
+        sample = self._device.latest(self._kind)
+        if sample.count == 0 or (sample.count == self._count and not again):
+            return None
+        self._count = sample.count
+        row = (now - sample.arrival, *self._values(sample.value))
+        if math.isfinite(math.fsum(row)):
+            return [round(value, 6) for value in row]
+        return [round(value, 6) if math.isfinite(value) else None for value in row]
+
+
+class Link:
+    """Runs until it is cancelled. What it has to say goes to `tell`, as the page understands it (docs/teleop.md)."""
+
+    def __init__(self, number: int, label: str, host: str, port: int, name: str, tell: Tell) -> None:
+        self.number = number
+        self.label = label
+        self.name = name
+        self.streams: list[Stream] = []
+        self.state: dict[str, Any] = {}  # what a page that comes later has to know
+        self.recorder: Any = None
+        self._host, self._port = host, port
+        self._tell_all = tell
+        self._robot: regista.asyncio.Robot | None = None
+        self._hands: dict[str, Hand] = {}
+        self._missions: dict[str, Mission] = {}
+        self._look = asyncio.Event()
+        self._tell("robot", label=label, connected=False, why="connecting", devices=[], streams=[])
+
+    async def run(self) -> None:
+        tries = 0
+        while True:
+            try:
+                # So short that a dead server is seen soon, so long that a busy one is not taken for dead.
+                robot = regista.asyncio.Robot(self._host, self._port, timeout=1.5, name=self.name, priority=PEOPLE)
+                async with robot:
+                    tries = 0
+                    await self._serve(robot)
+            except (regista.Error, OSError) as error:
+                self._lost(str(error))
+            await asyncio.sleep(RETRY_SECONDS[min(tries, len(RETRY_SECONDS) - 1)])
+            tries += 1
+
+    async def _serve(self, robot: regista.asyncio.Robot) -> None:
+        streams: list[Stream] = []
+        devices = []
+        for info in await robot.devices():
+            interface = info.address.partition(":")[0]
+            if interface not in SHOWN:
+                continue
+            device: dict[str, Any] = {"address": info.address, "driver": info.driver}
+            devices.append(device)
+            try:
+                proxy = await robot.device(info.address)
+                if isinstance(proxy, regista.asyncio.Position2d):
+                    size = (await proxy.geometry()).size
+                    device["size"] = [size.length, size.width]
+                elif interface == "kicker":
+                    device["limits"] = (await proxy.request(kicker.GetLimits())).to_dict()
+            except regista.RefusedError as error:
+                device["trouble"] = error.reason or str(error)
+            if "proxy" in locals() and proxy.address == info.address:
+                streams += [Stream(proxy, kind) for kind in fields.data_kinds(interface)]
+        self._robot = robot
+        self.streams = streams
+        described = [{"device": s.address, "name": s.name, "paths": s.paths} for s in streams]
+        self._tell(
+            "robot", label=self.label, connected=True, why="", devices=devices, streams=described,
+            extended=robot.extended,
+        )  # fmt: skip
+        if self.recorder is not None:
+            robot.record()
+        while True:
+            await self._status(robot)
+            self._look.clear()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._look.wait(), STATUS_SECONDS)
+
+    async def _status(self, robot: regista.asyncio.Robot) -> None:
+        """Who drives, the beats, and how long the question took."""
+        asked = time.monotonic()
+        if not robot.extended:  # a stock server: any question tells whether it is there
+            await robot.devices()
+            self._tell("status", round_trip_s=time.monotonic() - asked, drivers=[])
+            return
+        status = await robot.status()
+        self._tell("status", round_trip_s=time.monotonic() - asked, drivers=status["drivers"])
+        for driver in status["drivers"]:
+            for device in driver["devices"]:
+                for motion in device["motion"]:
+                    self._watch_mission(device["device"], motion)
+
+    def _watch_mission(self, address: str, motion: dict[str, Any]) -> None:
+        """A destination that the base did not take up has failed, and says why."""
+        mission = self._missions.get(address)
+        if mission is None or mission.state is not State.RUNNING or motion["group"] != "motion":
+            return
+        if motion["owner"] and motion["owner"] != self.name:
+            mission.fail(f"{motion['owner']} drives")
+            self._tell_mission(address)
+
+    def _lost(self, why: str) -> None:
+        self._robot = None
+        self.streams = []
+        self._hands.clear()
+        for address, mission in self._missions.items():
+            mission.fail("the connection was lost")
+            self._tell_mission(address)
+        self._missions.clear()
+        self._tell("robot", label=self.label, connected=False, why=why, devices=[], streams=[])
+
+    def _tell(self, type_: str, *, keep: str = "", **values: Any) -> None:
+        message = {"t": type_, "robot": self.number, **values}
+        self.state[keep or type_] = message
+        self._tell_all(message)
+
+    def _tell_mission(self, address: str) -> None:
+        self._tell("mission", keep=f"mission {address}", device=address, **self._missions[address].to_dict())
+
+    # Sixty times a second
+
+    def tick(self) -> None:
+        """Pass on what happened, and step missions."""
+        if self._robot is None:
+            return
+        for event in self._robot.events():
+            self._tell_all({"t": "event", "robot": self.number, "severity": event.severity, "text": event.text})
+            if self.recorder is not None:
+                self.recorder.event(event)
+            for address, mission in self._missions.items():
+                if " refused: " in event.text and event.text.startswith(address):
+                    mission.fail(event.text)
+                    self._tell_mission(address)
+            self._look.set()
+        if self.recorder is not None:
+            for received in self._robot.messages():
+                self.recorder.data(received)
+        for address, mission in self._missions.items():
+            if mission.step():
+                self._tell_mission(address)
+                self._look.set()
+
+    def news(self, now: float, *, again: bool = False) -> list[list[Any]]:
+        """Of each stream that has news: its number, age and values."""
+        found: list[list[Any]] = []
+        for number, stream in enumerate(self.streams):
+            row = stream.news(now, again=again)
+            if row is not None:
+                found.append([number, *row])
+        return found
+
+    # What the page asks for. A regista.Error says why not.
+
+    def hold(self, device: str, velocity: Any) -> None:
+        """Drive by hand; a mission of the same base pauses, and resumes only when somebody says so."""
+        mission = self._missions.get(device)
+        if mission is not None and mission.state is State.RUNNING:
+            mission.fail("you took the controls")
+            mission.state = State.PAUSED
+            self._tell_mission(device)
+        if device not in self._hands:
+            self._hands[device] = Hand(self._base(device))
+        self._hands[device].hold(velocity)
+
+    def let_go(self) -> None:
+        """Of everything that is held by hand."""
+        for hand in self._hands.values():
+            hand.let_go()
+
+    async def page_gone(self, reason: str) -> None:
+        """Nobody watches: zero at once, and missions pause that may not go on alone."""
+        self.let_go()
+        for address, mission in self._missions.items():
+            if mission.state is State.RUNNING and not mission.alone:
+                await mission.pause(reason)
+                self._tell_mission(address)
+
+    async def close(self) -> None:
+        """At rest and given back."""
+        if self._robot is None:
+            return
+        await self.page_gone("regista teleop ended")
+        for hand in self._hands.values():
+            await hand.rest()
+
+    async def stop(self) -> None:
+        """Every device to rest, whoever drives it."""
+        self.let_go()
+        robot = self._connected()
+        for address, mission in self._missions.items():
+            if mission.state is State.RUNNING:
+                mission.fail("STOP")
+                mission.state = State.PAUSED
+                self._tell_mission(address)
+        await robot.stop()
+        self._look.set()
+
+    async def take(self, device: str) -> None:
+        await (await self._device(device)).take()
+        self._look.set()
+
+    async def give(self, device: str) -> None:
+        if device in self._hands:
+            self._hands[device].let_go()
+        await (await self._device(device)).release()
+        self._look.set()
+
+    def go(self, device: str, points: list[Point], *, alone: bool) -> None:
+        self.let_go()
+        self._missions[device] = Mission(self._base(device), points, alone=alone)
+        self._tell_mission(device)
+
+    async def pause(self, device: str) -> None:
+        if device in self._missions:
+            await self._missions[device].pause("you paused it")
+            self._tell_mission(device)
+
+    def resume(self, device: str) -> None:
+        if device in self._missions:
+            self._missions[device].resume()
+            self._tell_mission(device)
+
+    async def cancel(self, device: str) -> None:
+        mission = self._missions.pop(device, None)
+        if mission is not None:
+            await mission.pause("cancelled")
+            self.state.pop(f"mission {device}", None)
+            self._tell_all({"t": "mission", "robot": self.number, "device": device, "points": []})
+
+    async def motors(self, device: str, on: bool) -> None:
+        await self._base(device).request(position2d.SetMotorPower(on=int(on)))
+
+    async def odometry(self, device: str, x: float, y: float, heading: float) -> None:
+        await self._base(device).set_odometry(x, y, heading)
+
+    async def kick(self, device: str, action: str, speed: float, angle: float) -> None:
+        """`action`: kick or chip [m/s, rad], dribble [rad/s], charge [0, 1]."""
+        proxy = cast(regista.Kicker, (await self._device(device)).proxy)
+        if action == "kick":
+            proxy.kick(speed)
+        elif action == "chip":
+            proxy.chip(speed, angle)
+        elif action == "dribble":
+            proxy.dribble(speed)
+        elif action == "charge":
+            proxy.charge(bool(speed))
+        else:
+            raise ValueError(f"a kicker does not {action}")
+
+    async def outputs(self, device: str, count: int, bits: int) -> None:
+        (await self._device(device)).send(dio.OutputCommand(count=count, bits=bits))
+
+    def start_recording(self, recorder: Any) -> None:
+        self.recorder = recorder
+        if self._robot is not None:
+            self._robot.record()
+
+    def end_recording(self) -> Any:
+        recorder, self.recorder = self.recorder, None
+        if self._robot is not None:
+            self._robot.record(0)
+        return recorder
+
+    def _connected(self) -> regista.asyncio.Robot:
+        if self._robot is None:
+            raise regista.ConnectionError(f"{self.label} is not connected")
+        return self._robot
+
+    def _base(self, address: str) -> regista.asyncio.Position2d:
+        device = self._connected()._devices.get(address)
+        if not isinstance(device, regista.asyncio.Position2d):
+            raise ValueError(f"{self.label} has no base {address}")
+        return device
+
+    async def _device(self, address: str) -> regista.asyncio.Device[Any]:
+        if address.partition(":")[0] not in SHOWN:
+            raise ValueError(f"{address} is not driven from here")
+        return await self._connected().device(address)

@@ -1,0 +1,860 @@
+// SPDX-License-Identifier: Apache-2.0
+import "./style.css";
+import {
+  AXES,
+  BUTTONS,
+  Grip,
+  isDirection,
+  keysVelocity,
+  type Limits,
+  type PadMapping,
+  type PadState,
+  padVelocity,
+  pressed,
+  readMapping,
+  stickVelocity,
+  XBOX,
+} from "./input";
+import { color, FieldMap, type Tool } from "./map";
+import { Plots } from "./plots";
+import type { FromGateway, FromWorker, Point, ToWorker, Velocity } from "./protocol";
+import { type Robot, World } from "./robots";
+
+function element<T extends HTMLElement = HTMLElement>(id: string): T {
+  return document.getElementById(id) as T;
+}
+
+function setText(id: string, text: string): void {
+  const found = element(id);
+  if (found.textContent !== text) found.textContent = text;
+}
+
+function press(id: string, on: boolean): void {
+  element(id).setAttribute("aria-pressed", String(on));
+}
+
+function isPressed(id: string): boolean {
+  return element(id).getAttribute("aria-pressed") === "true";
+}
+
+function make(tag: string, text = "", className = ""): HTMLElement {
+  const made = document.createElement(tag);
+  made.textContent = text;
+  made.className = className;
+  return made;
+}
+
+function button(text: string, label: string, click: () => void): HTMLElement {
+  const made = make("button", text, "quiet") as HTMLButtonElement;
+  made.type = "button";
+  made.setAttribute("aria-label", label);
+  made.addEventListener("click", click);
+  return made;
+}
+
+// ---- The gateway
+
+const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
+const world = new World();
+const map = new FieldMap(element<HTMLCanvasElement>("canvas"), world);
+const plots = new Plots(element("chart"), world);
+
+let connected = false;
+let everConnected = false;
+let myName = "";
+let yours = false;
+let taken = false;
+let pageRoundTrip: number | null = null; // ms
+let recording: { files: string[]; bytes: number; dropped: number; trouble: string } | null = null;
+let playable: string[] = [];
+let questions = 0;
+const answers = new Map<number, (error: string | null) => void>();
+
+function tellWorker(message: ToWorker): void {
+  worker.postMessage(message);
+}
+
+/** What wants an answer; a refusal is shown. */
+function ask(message: Record<string, unknown>, then: () => void = () => {}): void {
+  questions += 1;
+  answers.set(questions, (error) => {
+    if (error) {
+      world.note(world.robot?.label ?? "", 1, error);
+      drawLog();
+    } else then();
+  });
+  tellWorker({ send: { ...message, n: questions } });
+}
+
+/** Of the chosen robot. */
+function askRobot(t: string, device: string | null | undefined, more: Record<string, unknown> = {}): void {
+  if (world.robot && device) ask({ t, robot: world.robot.number, device, ...more });
+}
+
+worker.onmessage = (event: MessageEvent<FromWorker>) => {
+  const from = event.data;
+  if ("connected" in from) {
+    connected = from.connected;
+    everConnected ||= connected;
+    if (!connected) {
+      loseGrip();
+      answers.clear();
+      for (const robot of world.robots.values()) robot.connected = false;
+    }
+    drawPanels();
+  } else if ("roundTrip" in from) {
+    pageRoundTrip = from.roundTrip;
+  } else {
+    take(from.message);
+  }
+};
+
+function take(message: FromGateway): void {
+  world.take(message, performance.now());
+  switch (message.t) {
+    case "hello":
+      myName = message.name;
+      world.robots.clear();
+      world.chosen = null;
+      break;
+    case "controls":
+      yours = message.yours;
+      taken = message.taken;
+      if (!yours) loseGrip();
+      drawPanels();
+      break;
+    case "robot":
+    case "gone":
+      drawRobots();
+      drawFields();
+      drawPanels();
+      drawLog();
+      if (message.t === "robot" && message.connected) suggestPlot();
+      break;
+    case "event":
+      drawLog();
+      break;
+    case "mission":
+      drawMission();
+      break;
+    case "frame":
+      if (!plots.paused) plots.sample(message.at);
+      break;
+    case "recording":
+      recording = message.files.length > 0 ? message : null;
+      drawRecording();
+      break;
+    case "playable":
+      playable = message.files;
+      drawRecording();
+      break;
+    case "reply": {
+      const answer = answers.get(message.n);
+      answers.delete(message.n);
+      answer?.(message.error);
+      break;
+    }
+  }
+}
+
+// ---- Driving by hand
+
+const grip = new Grip();
+const keys = new Set<string>();
+const stick = { on: false, right: 0, up: 0 };
+let padMapping: PadMapping = readMapping(localStorage.getItem("mapping"));
+let padBefore: PadState | null = null;
+let padIndex: number | null = null;
+let padLearns: keyof PadMapping | null = null;
+let drives: Velocity | null = null;
+
+function limits(): Limits {
+  return {
+    speed: Number(element<HTMLInputElement>("speed").value),
+    turn: Number(element<HTMLInputElement>("turn").value),
+  };
+}
+
+/** The page hides, loses the keyboard, or another robot is chosen: nothing is held any more. */
+function loseGrip(): void {
+  grip.lose();
+  keys.clear();
+  stick.on = false;
+  drawStick();
+  hold();
+}
+
+/** Say what is held, now. */
+function hold(): void {
+  grip.set("keys", keysVelocity(keys, limits()));
+  grip.set("stick", stick.on ? stickVelocity(stick.right, stick.up, limits(), isPressed("sideways")) : null);
+  const robot = world.robot;
+  const device = robot?.base;
+  drives = robot && device && connected && yours && !document.hidden ? grip.velocity : null;
+  tellWorker({ hold: drives && robot && device ? { robot: robot.number, device, ...drives } : null });
+}
+
+function stopAll(): void {
+  loseGrip();
+  ask({ t: "stop", robot: null });
+}
+
+function types(target: EventTarget | null): boolean {
+  return target instanceof HTMLInputElement || target instanceof HTMLSelectElement;
+}
+
+window.addEventListener(
+  "keydown",
+  (event) => {
+    if (event.code === "Space") {
+      // Whatever has the focus: enter presses buttons.
+      event.preventDefault();
+      event.stopPropagation();
+      if (!event.repeat) stopAll();
+      return;
+    }
+    if (types(event.target) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (isDirection(event.code) || event.code.startsWith("Shift") || event.code === "KeyC") {
+      if (isDirection(event.code)) event.preventDefault();
+      if (event.repeat) return;
+      keys.add(event.code);
+      hold();
+    }
+  },
+  true,
+);
+window.addEventListener("keyup", (event) => {
+  if (event.code === "Space") event.preventDefault();
+  if (keys.delete(event.code)) hold();
+});
+window.addEventListener("blur", loseGrip);
+window.addEventListener("pagehide", () => {
+  loseGrip();
+  tellWorker({ visible: false });
+});
+window.addEventListener("pageshow", () => tellWorker({ visible: !document.hidden }));
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) loseGrip();
+  tellWorker({ visible: !document.hidden });
+});
+
+// The stick
+
+const stickArea = element("stick");
+function moveStick(event: PointerEvent): void {
+  const box = stickArea.getBoundingClientRect();
+  const [right, up] = [
+    (event.clientX - box.left - box.width / 2) / (box.width * 0.36),
+    -(event.clientY - box.top - box.height / 2) / (box.height * 0.36),
+  ];
+  const length = Math.max(1, Math.hypot(right, up));
+  stick.right = right / length;
+  stick.up = up / length;
+  drawStick();
+  hold();
+}
+function drawStick(): void {
+  const [x, y] = stick.on ? [stick.right * 36, -stick.up * 36] : [0, 0];
+  element("knob").style.transform = `translate(${x}px, ${y}px)`;
+  stickArea.classList.toggle("held", stick.on);
+}
+stickArea.addEventListener("pointerdown", (event) => {
+  stickArea.setPointerCapture(event.pointerId);
+  grip.set("stick", null);
+  stick.on = true;
+  moveStick(event);
+});
+stickArea.addEventListener("pointermove", (event) => {
+  if (stick.on) moveStick(event);
+});
+for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+  stickArea.addEventListener(name, () => {
+    stick.on = false;
+    drawStick();
+    hold();
+  });
+}
+
+// The gamepad
+
+function readPad(): PadState | null {
+  const pads = navigator.getGamepads().filter((pad) => pad?.connected);
+  const pad = pads.find((one) => one?.index === padIndex) ?? pads[0] ?? null;
+  padIndex = pad?.index ?? null;
+  setText("pad-name", pad ? pad.id.replace(/\s*\(.*$/, "") : "none");
+  return pad ? { axes: [...pad.axes], buttons: pad.buttons.map((one) => one.pressed) } : null;
+}
+
+function pollPad(): void {
+  const pad = readPad();
+  if (pad) {
+    const went = pressed(padBefore, pad);
+    if (padLearns) learn(pad, went);
+    else for (const number of went) padButton(number);
+    grip.set("pad", padVelocity(pad, padMapping, limits()));
+  } else {
+    grip.set("pad", null);
+  }
+  padBefore = pad;
+}
+
+function padButton(number: number): void {
+  if (number === padMapping.stop) stopAll();
+  else if (number === padMapping.kick) kick("kick");
+  else if (number === padMapping.chip) kick("chip");
+  else if (number === padMapping.dribble) element("dribble").click();
+}
+
+function learn(pad: PadState, went: number[]): void {
+  const isAxis = (AXES as readonly string[]).includes(padLearns as string);
+  const axis = pad.axes.findIndex((value, i) => Math.abs(value) > 0.7 && Math.abs(padBefore?.axes[i] ?? 1) <= 0.7);
+  const found = isAxis ? axis : (went[0] ?? -1);
+  if (found < 0) return;
+  padMapping = { ...padMapping, [padLearns as string]: found };
+  padLearns = null;
+  localStorage.setItem("mapping", JSON.stringify(padMapping));
+  drawMapping();
+}
+
+window.addEventListener("gamepaddisconnected", () => {
+  pollPad();
+  hold();
+});
+setInterval(() => {
+  pollPad();
+  hold();
+}, 20);
+
+const PAD_NAMES: Record<string, string> = {
+  ahead: "Ahead, back",
+  side: "Sideways",
+  turn: "Turn",
+  hold: "Dead-man button",
+  turbo: "Fast",
+  slow: "Slow",
+  stop: "STOP",
+  kick: "Kick",
+  chip: "Chip",
+  dribble: "Dribble",
+};
+const XBOX_BUTTONS = ["A", "B", "X", "Y", "LB", "RB", "LT", "RT", "View", "Menu", "L stick", "R stick"];
+const XBOX_AXES = ["left stick across", "left stick along", "right stick across", "right stick along"];
+
+function drawMapping(): void {
+  const names: (keyof PadMapping)[] = [...AXES, ...BUTTONS];
+  setText("pad-hold", XBOX_BUTTONS[padMapping.hold] ?? `button ${padMapping.hold}`);
+  const rows = names.flatMap((name) => {
+    const number = padMapping[name];
+    const isAxis = (AXES as readonly string[]).includes(name);
+    const has = isAxis ? (XBOX_AXES[number] ?? `axis ${number}`) : (XBOX_BUTTONS[number] ?? `button ${number}`);
+    const change = button(
+      padLearns === name ? (isAxis ? "move it …" : "press it …") : has,
+      `Change: ${PAD_NAMES[name]}`,
+      () => {
+        padLearns = padLearns === name ? null : name;
+        drawMapping();
+      },
+    );
+    return [make("span", PAD_NAMES[name] as string), change];
+  });
+  const expo = make("input") as HTMLInputElement;
+  Object.assign(expo, { type: "range", min: "0", max: "1", step: "0.05", value: String(padMapping.expo) });
+  expo.setAttribute("aria-label", "Expo: fine near the middle");
+  expo.addEventListener("input", () => {
+    padMapping.expo = Number(expo.value);
+    localStorage.setItem("mapping", JSON.stringify(padMapping));
+  });
+  element("mapping").replaceChildren(...rows, make("span", "Expo"), expo);
+}
+element("mapping-reset").addEventListener("click", () => {
+  padMapping = { ...XBOX };
+  localStorage.removeItem("mapping");
+  drawMapping();
+});
+
+// ---- Buttons
+
+element("stop").addEventListener("click", stopAll);
+element("controls").addEventListener("click", () => ask({ t: "controls" }));
+element("take").addEventListener("click", () => askRobot("take", world.robot?.base));
+element("give").addEventListener("click", () => askRobot("give", world.robot?.base));
+element("base").addEventListener("change", () => {
+  loseGrip();
+  if (world.robot) {
+    world.robot.chosenBase = element<HTMLSelectElement>("base").value;
+    world.robot.trace = [];
+  }
+  drawPanels();
+});
+element("sideways").addEventListener("click", () => press("sideways", !isPressed("sideways")));
+element("alone").addEventListener("click", () => press("alone", !isPressed("alone")));
+element("motors").addEventListener("click", () => {
+  const on = !isPressed("motors");
+  const { robot } = world;
+  if (robot?.base) ask({ t: "motors", robot: robot.number, device: robot.base, on }, () => press("motors", on));
+});
+
+function kick(action: string): void {
+  const device = world.robot?.device("kicker");
+  const speed = Number(element<HTMLInputElement>("kick-speed").value);
+  askRobot("kick", device?.address, { action, speed, angle: Math.min(0.8, device?.limits?.chip_angle_max_rad || 0.8) });
+}
+element("kick").addEventListener("click", () => kick("kick"));
+element("chip").addEventListener("click", () => kick("chip"));
+for (const action of ["dribble", "charge"]) {
+  element(action).addEventListener("click", () => {
+    press(action, !isPressed(action));
+    const device = world.robot?.device("kicker");
+    const most = action === "charge" ? 1 : device?.limits?.dribbler_radps || 100;
+    askRobot("kick", device?.address, { action, speed: isPressed(action) ? most : 0 });
+  });
+}
+
+// The map
+
+const HINTS: Record<Tool, string> = {
+  look: "",
+  go: "Click where the robot shall go; drag to set its heading",
+  points: "Each click adds a way-point; drag to set its heading",
+};
+for (const tool of document.querySelectorAll<HTMLElement>("[data-tool]")) {
+  tool.addEventListener("click", () => {
+    map.tool = tool.dataset.tool as Tool;
+    for (const other of document.querySelectorAll("[data-tool]"))
+      other.setAttribute("aria-pressed", String(other === tool));
+    setText("hint", HINTS[map.tool]);
+    map.canvas.classList.toggle("aims", map.tool !== "look");
+  });
+}
+element("in").addEventListener("click", () => map.zoom(1.4));
+element("out").addEventListener("click", () => map.zoom(1 / 1.4));
+element("fit").addEventListener("click", () => map.fit());
+map.onChoose = choose;
+map.onGo = (point) => go([point]);
+map.onDraft = drawMission;
+
+function choose(number: number): void {
+  if (world.chosen === number) return;
+  loseGrip();
+  world.chosen = number;
+  map.draft = [];
+  drawRobots();
+  drawFields();
+  drawPanels();
+}
+
+// Missions
+
+function go(points: Point[]): void {
+  const robot = world.robot;
+  if (!robot?.base || points.length === 0) return;
+  ask({ t: "go", robot: robot.number, device: robot.base, points, alone: isPressed("alone") });
+}
+function formPoint(): Point {
+  const [x, y, heading] = ["go-x", "go-y", "go-heading"].map((id) => element<HTMLInputElement>(id).value);
+  return [Number(x), Number(y), heading === "" ? null : (Number(heading) * Math.PI) / 180];
+}
+element("go").addEventListener("submit", (event) => {
+  event.preventDefault();
+  go([formPoint()]);
+});
+element("go-add").addEventListener("click", () => {
+  map.draft.push(formPoint());
+  drawMission();
+});
+element("mission-start").addEventListener("click", () => {
+  go(map.draft);
+  map.draft = [];
+});
+element("mission-pause").addEventListener("click", () => askRobot("pause", world.robot?.base));
+element("mission-resume").addEventListener("click", () => askRobot("resume", world.robot?.base));
+element("mission-cancel").addEventListener("click", () => {
+  map.draft = [];
+  askRobot("cancel", world.robot?.base);
+  drawMission();
+});
+
+function describe([x, y, heading]: Point): string {
+  const turn = heading === null ? "" : `, ${((heading * 180) / Math.PI).toFixed(0)}°`;
+  return `${x.toFixed(2)}, ${y.toFixed(2)} m${turn}`;
+}
+
+function drawMission(): void {
+  const robot = world.robot;
+  const mission = robot?.base ? robot.missions.get(robot.base) : undefined;
+  const drafting = map.draft.length > 0;
+  const points = drafting ? map.draft : (mission?.points ?? []);
+  const count = mission && mission.points.length > 1 ? ` ${mission.index} of ${mission.points.length}` : "";
+  const reason = mission?.reason ? `: ${mission.reason}` : "";
+  setText("mission-state", drafting ? "not sent yet" : mission ? `${mission.state}${count}${reason}` : "");
+  element("mission-state").dataset.state = drafting ? "" : (mission?.state ?? "");
+  element<HTMLProgressElement>("progress").hidden = drafting || !mission || mission.points.length < 2;
+  element<HTMLProgressElement>("progress").value = mission ? mission.index / mission.points.length : 0;
+  const swap = (a: number, b: number) => {
+    const [one, other] = [map.draft[a], map.draft[b]];
+    if (!one || !other) return;
+    map.draft[a] = other;
+    map.draft[b] = one;
+    drawMission();
+  };
+  element("points").replaceChildren(
+    ...points.map((point, i) => {
+      const item = make("li");
+      item.append(make("span", describe(point)));
+      if (!drafting) {
+        item.className = mission && i < mission.index ? "reached" : "";
+        return item;
+      }
+      const up = button("↑", `Way-point ${i + 1} earlier`, () => swap(i, i - 1));
+      const down = button("↓", `Way-point ${i + 1} later`, () => swap(i, i + 1));
+      const away = button("×", `Remove way-point ${i + 1}`, () => {
+        map.draft.splice(i, 1);
+        drawMission();
+      });
+      item.append(up, down, away);
+      return item;
+    }),
+  );
+  const show = (id: string, on: boolean) => {
+    element(id).hidden = !on;
+  };
+  show("mission-start", drafting);
+  show("mission-pause", !drafting && mission?.state === "running");
+  show("mission-resume", !drafting && (mission?.state === "paused" || mission?.state === "failed"));
+  show("mission-cancel", drafting || mission !== undefined);
+}
+
+// ---- Plots and recordings
+
+function drawFields(): void {
+  const robot = world.robot;
+  const first = make("option", "Add a field …") as HTMLOptionElement;
+  first.value = "";
+  const options = (robot?.fields() ?? []).map(([device, path]) => {
+    const option = make("option", `${device} ${path}`) as HTMLOptionElement;
+    option.value = `${device} ${path}`;
+    return option;
+  });
+  element("field").replaceChildren(first, ...options);
+}
+element("field").addEventListener("change", () => {
+  const field = element<HTMLSelectElement>("field");
+  const [device, path] = field.value.split(" ");
+  if (world.robot && device && path) plots.toggle({ robot: world.robot.number, device, path });
+  field.value = "";
+});
+function suggestPlot(): void {
+  const robot = world.robot;
+  if (plots.series.length > 0 || !robot?.base) return;
+  for (const path of ["velocity.x", "velocity.w"]) plots.toggle({ robot: robot.number, device: robot.base, path });
+}
+element("plot-pause").addEventListener("click", () => {
+  plots.paused = !plots.paused;
+  press("plot-pause", plots.paused);
+});
+element("plot-reset").addEventListener("click", () => plots.reset());
+element("record").addEventListener("click", () => ask({ t: "record", on: !recording }));
+element("play").addEventListener("click", () => {
+  const file = element<HTMLSelectElement>("recording").value;
+  if (file) ask({ t: "play", file });
+});
+element("end-play").addEventListener("click", () => ask({ t: "end_play" }));
+
+function drawRecording(): void {
+  press("record", recording !== null);
+  setText("record", recording ? "■ End recording" : "● Record");
+  const text = recording
+    ? `${recording.files.join(", ")}: ${(recording.bytes / 1e6).toFixed(1)} MB` +
+      `${recording.dropped ? `, ${recording.dropped} dropped` : ""}${recording.trouble ? `; ${recording.trouble}` : ""}`
+    : "";
+  setText("recorded", text);
+  const select = element<HTMLSelectElement>("recording");
+  const before = select.value;
+  select.replaceChildren(
+    ...playable.map((file) => {
+      const option = make("option", file) as HTMLOptionElement;
+      option.value = file;
+      return option;
+    }),
+  );
+  if (playable.includes(before)) select.value = before;
+  select.hidden = playable.length === 0;
+  element("play").hidden = playable.length === 0;
+  element("end-play").hidden = ![...world.robots.values()].some((robot) => robot.label.endsWith(".mcap"));
+}
+
+// ---- What the page shows
+
+function drawRobots(): void {
+  element("robots").replaceChildren(
+    ...[...world.robots.values()].map((robot) => {
+      const chip = button("", `Robot ${robot.label}`, () => choose(robot.number));
+      chip.classList.add("chip");
+      chip.dataset.robot = String(robot.number);
+      chip.setAttribute("aria-pressed", String(robot.number === world.chosen));
+      const dot = make("i");
+      dot.style.background = color(robot.number);
+      chip.append(dot, make("span", robot.label), make("small"));
+      return chip;
+    }),
+  );
+}
+
+function battery(robot: Robot): { percent: number | null; volts: number | null } {
+  const device = robot.device("power")?.address;
+  if (!device) return { percent: null, volts: null };
+  const valid = robot.get(device, "valid") ?? 0; // power::Valid: 1 volts, 8 percent
+  return {
+    percent: valid & 8 ? robot.get(device, "charge_percent") : null,
+    volts: valid & 1 ? robot.get(device, "voltage_v") : null,
+  };
+}
+
+function milliseconds(ms: number): string {
+  return ms < 1 ? "<1 ms" : ms < 1000 ? `${ms.toFixed(0)} ms` : `${(ms / 1000).toFixed(1)} s`;
+}
+
+interface Standing {
+  state: string;
+  driver: string;
+  reason: string;
+  level: "good" | "idle" | "warn" | "bad";
+}
+
+/** Who drives the chosen robot and why it stands, in words. */
+function standing(robot: Robot | null): Standing {
+  if (!connected) {
+    const reason = everConnected ? "regista teleop has ended or cannot be reached: start it again" : "";
+    return { state: everConnected ? "NO GATEWAY" : "CONNECTING", driver: "", reason, level: "bad" };
+  }
+  if (!robot) return { state: "NO ROBOT", driver: "", reason: "name one: regista teleop HOST[:PORT]", level: "bad" };
+  if (!robot.connected) return { state: "NOT CONNECTED", driver: robot.label, reason: robot.why, level: "bad" };
+  const base = robot.base;
+  if (!base) return { state: "NO BASE", driver: robot.label, reason: "it has no position2d device", level: "idle" };
+  const trouble = robot.devices.find((device) => device.address === base)?.trouble;
+  if (trouble) return { state: "FAULT", driver: robot.label, reason: trouble, level: "bad" };
+  if (!robot.extended) {
+    return { state: "STOCK PLAYER", driver: robot.label, reason: "it does not tell who drives", level: "idle" };
+  }
+  const motion = robot.motion(base);
+  if (!motion) return { state: "…", driver: robot.label, reason: "", level: "idle" };
+  const owner = motion.owner === myName ? "you" : motion.owner || "nobody";
+  const levels = { driving: "good", stopping: "warn", stopped: "idle", fault: "bad" } as const;
+  const reason = motion.state === "driving" ? "" : motion.reason;
+  const priority = motion.owner && owner !== "you" ? ` (priority ${motion.owner_priority})` : "";
+  return {
+    state: motion.state.toUpperCase(),
+    driver: `${robot.label} · driven by ${owner}${priority}`,
+    reason,
+    level: /no command for/.test(reason) ? "warn" : levels[motion.state],
+  };
+}
+
+function drawPanels(): void {
+  const robot = world.robot;
+  const now = standing(robot);
+  setText("state", now.state);
+  element("state").dataset.level = now.level;
+  setText("driver", now.driver);
+  setText("reason", now.reason);
+  const base = robot?.base ?? null;
+  const motion = base ? robot?.motion(base) : undefined;
+  const mine = motion?.owner === myName;
+  element("controls").hidden = !connected || yours;
+  setText("controls", taken ? "Another page drives: take the controls" : "Take the controls");
+  element("take").hidden = !yours || !motion?.owner || mine;
+  element("give").hidden = !yours || !mine;
+  const select = element<HTMLSelectElement>("base");
+  const bases = robot?.bases() ?? [];
+  select.hidden = bases.length < 2;
+  if ([...select.options].map((option) => option.value).join() !== bases.join()) {
+    select.replaceChildren(...bases.map((address) => new Option(address, address)));
+  }
+  if (base) select.value = base;
+  document.body.classList.toggle("offline", !connected);
+
+  const link = robot?.roundTrip != null ? milliseconds(robot.roundTrip * 1000) : "–";
+  setText(
+    "link",
+    connected ? `robot ${link} · page ${pageRoundTrip === null ? "–" : milliseconds(pageRoundTrip)}` : "",
+  );
+  for (const chip of document.querySelectorAll<HTMLElement>("[data-robot]")) {
+    const one = world.robots.get(Number(chip.dataset.robot));
+    if (!one) continue;
+    chip.classList.toggle("lost", !one.connected);
+    const small = chip.querySelector("small") as HTMLElement;
+    const percent = battery(one).percent;
+    const text = !one.connected ? "lost" : percent === null ? "" : `${percent.toFixed(0)} %`;
+    if (small.textContent !== text) small.textContent = text;
+  }
+
+  element("kicker").hidden = !robot?.device("kicker");
+  element("relays").hidden = !robot?.device("dio");
+  setText("speed-text", `${limits().speed.toFixed(1)} m/s`);
+  setText("turn-text", `${limits().turn.toFixed(1)} rad/s`);
+  setText("kick-text", `${Number(element<HTMLInputElement>("kick-speed").value).toFixed(1)} m/s`);
+  drawMotion(robot, base);
+  drawKicker(robot);
+  drawRelays(robot);
+  drawHealth(robot, base);
+  drawMission();
+}
+
+function drawMotion(robot: Robot | null, base: string | null): void {
+  const names: Record<string, string> = { keys: "keyboard", stick: "stick", pad: "gamepad" };
+  const source = grip.source;
+  setText(
+    "source",
+    drives && source ? `by ${names[source]}` : yours ? "nothing held" : "another page has the controls",
+  );
+  const pose = robot?.pose;
+  if (!robot || !base || !pose) {
+    setText("moving", "");
+    return;
+  }
+  const [vx, vy, w] = ["velocity.x", "velocity.y", "velocity.w"].map((path) => robot.get(base, path) ?? 0);
+  const place = `x ${pose.x.toFixed(2)}  y ${pose.y.toFixed(2)} m  ${((pose.heading * 180) / Math.PI).toFixed(0)}°`;
+  setText(
+    "moving",
+    `${place}   ${Math.hypot(vx as number, vy as number).toFixed(2)} m/s  ${(w as number).toFixed(2)} rad/s`,
+  );
+}
+
+function drawKicker(robot: Robot | null): void {
+  const device = robot?.device("kicker")?.address;
+  if (!robot || !device) return;
+  const charged = robot.get(device, "charged") ? "charged" : "not charged";
+  const ball = robot.get(device, "ball_detected") ? ", has the ball" : "";
+  setText("kicker-state", `${charged}${ball}, ${robot.get(device, "kick_count") ?? 0} kicks`);
+}
+
+let outputs = 0;
+function drawRelays(robot: Robot | null): void {
+  const device = robot?.device("dio")?.address;
+  if (!robot || !device) return;
+  const count = Math.min(32, robot.get(device, "count") ?? 0);
+  const bits = robot.get(device, "bits") ?? 0;
+  const parent = element("dio");
+  if (parent.children.length !== count) {
+    parent.replaceChildren(
+      ...Array.from({ length: count }, (_, i) => {
+        const relay = button(String(i), `Relay ${i}`, () => {
+          outputs = (outputs ^ (1 << i)) >>> 0;
+          askRobot("outputs", device, { count, bits: outputs });
+        });
+        relay.className = "relay";
+        return relay;
+      }),
+    );
+  }
+  [...parent.children].forEach((relay, i) => {
+    relay.setAttribute("aria-pressed", String(((outputs >>> i) & 1) === 1));
+    relay.classList.toggle("high", ((bits >>> i) & 1) === 1);
+  });
+}
+
+function drawHealth(robot: Robot | null, base: string | null): void {
+  const facts: [string, string, ("bad" | "warn" | "")?][] = [];
+  const { percent, volts } = robot ? battery(robot) : { percent: null, volts: null };
+  const bar = element("battery");
+  bar.hidden = percent === null;
+  (bar.firstElementChild as HTMLElement).style.width = `${percent ?? 0}%`;
+  bar.dataset.level = (percent ?? 100) < 15 ? "bad" : (percent ?? 100) < 30 ? "warn" : "";
+  if (robot && (percent !== null || volts !== null)) {
+    const text = [percent === null ? "" : `${percent.toFixed(0)} %`, volts === null ? "" : `${volts.toFixed(1)} V`];
+    facts.push(["Battery", text.filter(Boolean).join("  "), (percent ?? 100) < 15 ? "bad" : ""]);
+  }
+  if (robot && base) {
+    const now = performance.now();
+    const age = robot.age(base, now);
+    facts.push([
+      "Data age",
+      age === null ? "none yet" : milliseconds(age * 1000),
+      age !== null && age > 0.5 ? "warn" : "",
+    ]);
+    const camera = robot.devices.find((d) => d.address.startsWith("position2d:") && !robot.bases().includes(d.address));
+    const seen = camera ? robot.age(camera.address, now) : null;
+    if (camera && seen !== null) facts.push(["Vision age", milliseconds(seen * 1000), seen > 0.1 ? "warn" : ""]);
+    if (world.visionTrouble) facts.push(["Vision", world.visionTrouble, "warn"]);
+    const gps = robot.device("gps")?.address;
+    if (gps && robot.get(gps, "quality") !== null) {
+      const fix = ["no fix", "GPS", "differential"][robot.get(gps, "quality") ?? 0] ?? "fix";
+      const error = robot.get(gps, "horizontal_error_m");
+      facts.push([
+        "GPS",
+        `${fix}, ${robot.get(gps, "satellites")} satellites, ±${error?.toFixed(2)} m`,
+        fix === "no fix" ? "bad" : "",
+      ]);
+      const degrees = ["latitude", "longitude"].map((path) => ((robot.get(gps, path) ?? 0) / 1e7).toFixed(6));
+      facts.push(["Position", degrees.join(", ")]);
+    }
+    if (robot.get(base, "stalled")) facts.push(["Wheels", "they turn, but the base does not move", "bad"]);
+    const driver = robot.driver(base);
+    if (driver) {
+      const { p50, p99 } = driver.jitter_us;
+      facts.push(["Beat", `${driver.rate_hz.toFixed(0)} Hz, jitter p50 ${p50.toFixed(0)} p99 ${p99.toFixed(0)} µs`]);
+    }
+  }
+  for (const driver of robot?.drivers ?? []) {
+    const address = driver.devices[0]?.device ?? driver.name;
+    if (driver.hung) facts.push([address, "its driver hangs", "bad"]);
+    else if (driver.faults > 0)
+      facts.push([address, `${driver.faults} faults${driver.open ? "" : ", not open"}`, "bad"]);
+    if (driver.beats_missed > 0) facts.push([address, `${driver.beats_missed} beats missed`, "warn"]);
+  }
+  for (const device of robot?.devices ?? []) if (device.trouble) facts.push([device.address, device.trouble, "bad"]);
+  element("facts").replaceChildren(
+    ...facts.map(([name, value, level]) => {
+      const row = make("tr", "", level ?? "");
+      row.append(make("th", name), make("td", value));
+      (row.firstElementChild as HTMLElement).setAttribute("scope", "row");
+      return row;
+    }),
+  );
+}
+
+function drawLog(): void {
+  const newest = [...world.log].reverse().slice(0, 60);
+  element("log").replaceChildren(
+    ...newest.map((entry) => {
+      const item = make("li", "", ["", "warn", "bad"][entry.severity] ?? "");
+      item.append(
+        make("time", entry.time.toLocaleTimeString("en-GB")),
+        make("b", entry.label),
+        make("span", entry.text),
+      );
+      return item;
+    }),
+  );
+}
+
+// ---- Dark and light
+
+function setTheme(theme: string): void {
+  document.documentElement.dataset.theme = theme;
+  setText("theme", theme === "dark" ? "☀" : "☾");
+  map.restyle();
+  plots.rebuild();
+}
+setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"));
+element("theme").addEventListener("click", () => {
+  const theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  localStorage.setItem("theme", theme);
+  setTheme(theme);
+});
+
+// ---- Go
+
+drawMapping();
+drawPanels();
+setInterval(drawPanels, 100);
+function frame(now: number): void {
+  map.draw(now);
+  plots.draw();
+  requestAnimationFrame(frame);
+}
+requestAnimationFrame(frame);
+
+const token = encodeURIComponent(location.hash.slice(1));
+tellWorker({ visible: !document.hidden });
+tellWorker({ open: `${location.origin.replace(/^http/, "ws")}/socket?token=${token}` });

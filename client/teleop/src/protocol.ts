@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// What page and gateway say to each other; client/python/regista/teleop is the other side.
+
+export interface Velocity {
+  x: number; // m/s ahead
+  y: number; // m/s to the left
+  w: number; // rad/s counter-clockwise
+}
+
+export type Point = [x: number, y: number, heading: number | null]; // m, m, rad
+
+export interface Device {
+  address: string;
+  driver: string;
+  trouble?: string;
+  size?: [length: number, width: number]; // m
+  limits?: { kick_speed_mps: number; chip_speed_mps: number; chip_angle_max_rad: number; dribbler_radps: number };
+}
+
+export interface Motion {
+  group: string;
+  state: "stopped" | "driving" | "stopping" | "fault";
+  owner: string;
+  owner_priority: number;
+  lease_s: number;
+  reason: string;
+}
+
+export interface Driver {
+  name: string;
+  open: boolean;
+  hung: boolean;
+  rate_hz: number;
+  beats_missed: number;
+  jitter_us: { p50: number; p99: number; max: number };
+  faults: number;
+  devices: { device: string; motion: Motion[] }[];
+}
+
+export interface Mission {
+  points: Point[];
+  index: number;
+  state: "running" | "paused" | "done" | "failed";
+  reason: string;
+  alone: boolean;
+}
+
+export interface Field {
+  length: number; // m, all
+  width: number;
+  goal_width: number;
+  goal_depth: number;
+  boundary: number;
+  lines: [number, number, number, number][];
+  arcs: [x: number, y: number, radius: number, from: number, to: number][];
+}
+
+type FromRobot = { robot: number };
+
+export type FromGateway =
+  | { t: "hello"; name: string; playable: string[] }
+  | { t: "controls"; yours: boolean; taken: boolean }
+  | (FromRobot & {
+      t: "robot";
+      label: string;
+      connected: boolean;
+      why: string;
+      extended?: boolean;
+      devices: Device[];
+      streams: { device: string; name: string; paths: string[] }[];
+    })
+  | (FromRobot & { t: "gone" })
+  | (FromRobot & { t: "status"; round_trip_s: number; drivers: Driver[] })
+  | (FromRobot & { t: "event"; severity: number; text: string })
+  | (FromRobot & { t: "mission"; device: string } & Mission)
+  // Of each stream that has news: its number, age [s] and values.
+  | { t: "frame"; at: number; robots: [robot: number, rows: (number | null)[][]][] }
+  | { t: "vision"; field?: Field; ball?: [x: number, y: number, age: number]; why?: string }
+  | { t: "recording"; files: string[]; bytes: number; dropped: number; trouble: string }
+  | { t: "playable"; files: string[] }
+  | { t: "reply"; n: number; error: string | null }
+  | { t: "alive"; n: number };
+
+/** Between the page and its worker. */
+export type ToWorker =
+  | { open: string }
+  | { hold: ({ robot: number; device: string } & Velocity) | null }
+  | { visible: boolean }
+  | { send: Record<string, unknown> };
+
+export type FromWorker = { message: FromGateway } | { connected: boolean } | { roundTrip: number };

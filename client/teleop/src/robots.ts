@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the page knows of the robots.
+import type { Device, Driver, Field, FromGateway, Mission, Motion } from "./protocol";
+
+export interface Pose {
+  x: number; // m
+  y: number; // m
+  heading: number; // rad
+}
+
+interface Stream {
+  device: string;
+  name: string;
+  paths: string[];
+  row: (number | null)[] | null; // age [s] when it was sent, then a value for each path
+  at: number; // performance.now() when it came [ms]
+}
+
+const TRACE_POINTS = 1500;
+const TRACE_STEP = 0.03; // m
+
+export class Robot {
+  connected = false;
+  extended = true;
+  why = "";
+  devices: Device[] = [];
+  streams: Stream[] = [];
+  drivers: Driver[] = [];
+  roundTrip: number | null = null; // s
+  missions = new Map<string, Mission>();
+  trace: { x: number; y: number }[] = [];
+  chosenBase: string | null = null;
+  /** In the gateway's time [s], of the newest frame with news of this robot. */
+  at = 0;
+
+  constructor(
+    readonly number: number,
+    public label: string,
+  ) {}
+
+  /** The newest value of a field, such as get("power:0", "voltage_v"). */
+  get(device: string, path: string): number | null {
+    for (const stream of this.streams) {
+      if (stream.device !== device || !stream.row) continue;
+      const place = stream.paths.indexOf(path);
+      if (place >= 0) return stream.row[place + 1] ?? null;
+    }
+    return null;
+  }
+
+  /** [s] since the newest data of the device arrived at the gateway; null: none has. */
+  age(device: string, now: number): number | null {
+    let youngest: number | null = null;
+    for (const stream of this.streams) {
+      if (stream.device !== device || !stream.row) continue;
+      const age = (stream.row[0] ?? 0) + (now - stream.at) / 1000;
+      youngest = youngest === null ? age : Math.min(youngest, age);
+    }
+    return youngest;
+  }
+
+  /** Every number that it says: [device, path]. */
+  fields(): [device: string, path: string][] {
+    return this.streams.flatMap((stream) => stream.paths.map((path): [string, string] => [stream.device, path]));
+  }
+
+  /** The bases that may be driven: those that belong to somebody; of a stock server, all. */
+  bases(): string[] {
+    const bases = this.devices.filter((device) => device.address.startsWith("position2d:")).map((d) => d.address);
+    const driven = bases.filter((address) => this.motion(address));
+    return driven.length > 0 ? driven : bases;
+  }
+
+  get base(): string | null {
+    const bases = this.bases();
+    return this.chosenBase && bases.includes(this.chosenBase) ? this.chosenBase : (bases[0] ?? null);
+  }
+
+  device(interface_: string): Device | undefined {
+    return this.devices.find((device) => device.address.startsWith(`${interface_}:`));
+  }
+
+  driver(device: string): Driver | undefined {
+    return this.drivers.find((driver) => driver.devices.some((one) => one.device === device));
+  }
+
+  motion(device: string, group = "motion"): Motion | undefined {
+    const found = this.driver(device)?.devices.find((one) => one.device === device);
+    return found?.motion.find((one) => one.group === group);
+  }
+
+  get pose(): Pose | null {
+    const base = this.base;
+    if (!base) return null;
+    const [x, y, heading] = ["pose.x", "pose.y", "pose.heading"].map((path) => this.get(base, path));
+    return x == null || y == null || heading == null ? null : { x, y, heading };
+  }
+
+  /** Where it may be: the covariance of its position [m²]. */
+  get covariance(): { xx: number; yy: number; xy: number } | null {
+    const device = this.device("localize")?.address;
+    if (!device) return null;
+    const [xx, yy, xy] = ["var.x", "var.y", "cov.xy"].map((path) => this.get(device, path));
+    return xx == null || yy == null || xy == null ? null : { xx, yy, xy };
+  }
+
+  follow(): void {
+    const pose = this.pose;
+    if (!pose) return;
+    const last = this.trace[this.trace.length - 1];
+    const step = last ? Math.hypot(pose.x - last.x, pose.y - last.y) : Number.POSITIVE_INFINITY;
+    if (step < TRACE_STEP) return;
+    this.trace.push({ x: pose.x, y: pose.y });
+    if (this.trace.length > TRACE_POINTS) this.trace.shift();
+  }
+}
+
+export interface Entry {
+  time: Date;
+  label: string;
+  severity: number; // 0 info, 1 warning, 2 error
+  text: string;
+}
+
+/** All robots, and the field around them. */
+export class World {
+  readonly robots = new Map<number, Robot>();
+  readonly log: Entry[] = [];
+  field: Field | null = null;
+  ball: { x: number; y: number; at: number } | null = null;
+  visionTrouble = "";
+  chosen: number | null = null;
+
+  get robot(): Robot | null {
+    return this.chosen === null ? null : (this.robots.get(this.chosen) ?? null);
+  }
+
+  note(label: string, severity: number, text: string): void {
+    this.log.push({ time: new Date(), label, severity, text });
+    if (this.log.length > 200) this.log.shift();
+  }
+
+  /** Take in what the gateway says; what concerns no robot is left to the caller. */
+  take(message: FromGateway, now: number): void {
+    switch (message.t) {
+      case "robot": {
+        let robot = this.robots.get(message.robot);
+        if (!robot) {
+          robot = new Robot(message.robot, message.label);
+          this.robots.set(message.robot, robot);
+          this.chosen ??= message.robot;
+        }
+        if (robot.connected !== message.connected) {
+          this.note(message.label, message.connected ? 0 : 2, message.connected ? "connected" : message.why);
+        }
+        robot.connected = message.connected;
+        robot.why = message.why;
+        robot.extended = message.extended ?? true;
+        robot.devices = message.devices;
+        robot.streams = message.streams.map((stream) => ({ ...stream, row: null, at: 0 }));
+        if (!message.connected) {
+          robot.drivers = [];
+          robot.roundTrip = null;
+        }
+        break;
+      }
+      case "gone":
+        this.robots.delete(message.robot);
+        if (this.chosen === message.robot) this.chosen = this.robots.keys().next().value ?? null;
+        break;
+      case "status": {
+        const robot = this.robots.get(message.robot);
+        if (!robot) break;
+        robot.drivers = message.drivers;
+        robot.roundTrip = message.round_trip_s;
+        break;
+      }
+      case "event":
+        this.note(this.robots.get(message.robot)?.label ?? "", message.severity, message.text);
+        break;
+      case "mission": {
+        const missions = this.robots.get(message.robot)?.missions;
+        if (message.points.length > 0) missions?.set(message.device, message);
+        else missions?.delete(message.device);
+        break;
+      }
+      case "frame":
+        for (const [number, rows] of message.robots) {
+          const robot = this.robots.get(number);
+          if (!robot) continue;
+          robot.at = message.at;
+          for (const [place, ...row] of rows) {
+            const stream = robot.streams[place ?? -1];
+            if (!stream) continue;
+            stream.row = row;
+            stream.at = now;
+          }
+          robot.follow();
+        }
+        break;
+      case "vision":
+        if (message.field) this.field = message.field;
+        if (message.ball) this.ball = { x: message.ball[0], y: message.ball[1], at: now - message.ball[2] * 1000 };
+        this.visionTrouble = message.why ?? "";
+        break;
+    }
+  }
+}

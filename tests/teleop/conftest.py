@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated robot, `regista teleop`, and a real browser that drives it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT / "tests/cli"))
+
+from command_line import REGISTA, Server, environment  # noqa: E402
+
+VIEW = {"width": 1280, "height": 800}
+
+
+class Gateway:
+    """`regista teleop` in a process of its own."""
+
+    def __init__(self, *robots, folder):
+        self.process = subprocess.Popen(
+            [*REGISTA, "teleop", "--no-browser", "--recordings", folder, *robots],
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment(),
+        )
+        self.url = self.process.stdout.readline().strip()
+        assert self.url.startswith("http://127.0.0.1:"), self.url
+
+    def kill(self, number=signal.SIGKILL):
+        self.process.send_signal(number)
+        self.process.wait()
+
+    def end(self):
+        if self.process.poll() is None:
+            self.kill(signal.SIGTERM)
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="session")
+def browser():
+    with sync_playwright() as playwright:
+        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+        program = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+        browser = playwright.chromium.launch(executable_path=program, args=arguments)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def robot():
+    """A server with a simulated robot."""
+    with Server(ROOT / "examples/sim.cfg") as server:
+        yield server
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start a gateway for these servers."""
+    gateways = []
+
+    def start_one(*servers):
+        gateways.append(Gateway(*(server.robot for server in servers), folder=tmp_path))
+        return gateways[-1]
+
+    yield start_one
+    for gateway in gateways:
+        gateway.end()
+
+
+@pytest.fixture
+def visit(browser):
+    """Open the page in a browser of its own, and wait until it shows a robot that stands."""
+    contexts = []
+
+    def open_page(gateway, *, ready=True, script="", **options):
+        context = browser.new_context(viewport=VIEW, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.troubles = []
+        page.on("console", lambda m: page.troubles.append(m.text) if m.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: page.troubles.append(str(error)))
+        if script:
+            page.add_init_script(script)
+        page.goto(gateway.url)
+        if ready:
+            page.locator("#state", has_text="STOPPED").wait_for()
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
