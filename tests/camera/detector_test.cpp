@@ -146,14 +146,6 @@ TEST(Detector, takes_no_confetti_for_robots) {
   }
 }
 
-TEST(Detector, sees_a_robot_once_whose_middle_is_broken_by_glare) {
-  const Robot robot{.id = {ssl::Team::blue, 5}, .pose = {0.4, 0.3, 0.3}};
-  cv::Mat picture = render(overhead(), {robot}, {});
-  const cv::Point2d middle = overhead().see({0.4, 0.3, 0.15});
-  cv::line(picture, middle - cv::Point2d{0, 4}, middle + cv::Point2d{0, 4}, {250, 250, 250}, 1);
-  EXPECT_EQ(detect(picture).robots.size(), 1U);
-}
-
 TEST(Detector, sees_the_ball_at_rest_and_kicked) {
   const std::vector<Ball> balls{{1.5, 0.8}, {-1.7, -1.0}, {0.6, -0.7, {.x = 4, .y = -4}}};
   const ssl::Detection found =
