@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <opencv2/imgcodecs.hpp>
 #include <random>
 #include "counting_new.hpp"
 
@@ -99,6 +100,22 @@ TEST(Detector, works_in_uneven_light_with_noise) {
     const auto robots = everybody(seed);
     const Look look{.gradient = 0.4, .cast = {0.9, 1, 1.05}, .noise = 5, .seed = seed + 1};
     score.add(robots, detect(render(overhead(), robots, {}, look)).robots);
+  }
+  EXPECT_EQ(score.missed, 0) << score;
+  EXPECT_EQ(score.ghosts, 0) << score;
+  EXPECT_LT(score.rms_mm(), 1.0) << score;
+  EXPECT_LT(score.rms_mrad(), 10) << score;
+  std::cout << score << '\n';
+}
+
+TEST(Detector, works_with_the_compressed_pictures_of_a_webcam) {
+  Score score;
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    const auto robots = everybody(seed);
+    const cv::Mat sharp = render(overhead(), robots, {}, {.gradient = 0.3, .noise = 3, .seed = seed + 1});
+    std::vector<std::uint8_t> jpeg;
+    ASSERT_TRUE(cv::imencode(".jpg", sharp, jpeg, {cv::IMWRITE_JPEG_QUALITY, 95}));
+    score.add(robots, detect(cv::imdecode(jpeg, cv::IMREAD_COLOR)).robots);
   }
   EXPECT_EQ(score.missed, 0) << score;
   EXPECT_EQ(score.ghosts, 0) << score;
