@@ -10,6 +10,7 @@
 #include <fstream>
 #include <regista/device/config_file.hpp>
 #include <system_error>
+#include <utility>
 
 namespace regista::camera {
 

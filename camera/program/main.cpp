@@ -147,14 +147,6 @@ void run(const OverlayArguments& arguments) {
     throw std::runtime_error{"cannot write '" + arguments.output.string() + "'"};
 }
 
-/// "9x6"
-void parse_board(const std::string& text, CalibrateLens& arguments) {
-  char rest = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%c", &arguments.columns, &arguments.rows, &rest) != 2 ||  // NOLINT(cert-err34-c)
-      arguments.columns < 3 || arguments.rows < 3 || arguments.columns > 100 || arguments.rows > 100)
-    throw CLI::ValidationError{"--board", "must be inner corners across and down, such as 9x6, each at least 3"};
-}
-
 int main_of(int argc, char** argv) {
   CLI::App app{
       "Find the robots and the ball of RoboCup's Small Size League in a camera's pictures, and tell as SSL-Vision "
@@ -192,11 +184,14 @@ int main_of(int argc, char** argv) {
   CLI::App* calibrate = app.add_subcommand("calibrate", "Learn the lens, the place and the colours of a camera");
   calibrate->require_subcommand(1);
   CalibrateLens lens;
-  std::string board = "9x6";
+  std::pair<int, int> board{9, 6};
   CLI::App* lens_command = calibrate->add_subcommand("lens", "From pictures of a checkerboard, tilted differently");
   lens_command->add_option("camera", lens.file, "The calibration, to be written")->required();
   lens_command->add_option("pictures", lens.pictures, "Pictures, or folders of them")->required();
-  lens_command->add_option("--board", board, "Inner corners across and down")->capture_default_str();
+  lens_command->add_option("--board", board, "Inner corners across and down, such as 9x6")
+      ->delimiter('x')
+      ->check(CLI::Range(3, 100))
+      ->default_str("9x6");
   lens_command->add_option("--square", lens.square_m, "Side of a square [m]")
       ->required()
       ->check(CLI::Range(0.001, 1.0));
@@ -231,7 +226,7 @@ int main_of(int argc, char** argv) {
 
   try {
     app.parse(argc, argv);
-    if (*lens_command) parse_board(board, lens);
+    std::tie(lens.columns, lens.rows) = board;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? EX_OK : EX_USAGE;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <regista/camera/calibration.hpp>
@@ -136,8 +137,8 @@ std::optional<View> find_board(const Image& image, int columns, int rows, double
     return {};
   View view;
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    view.points.push_back({.x = static_cast<double>(static_cast<int>(i) % columns) * square_m,
-                           .y = static_cast<double>(static_cast<int>(i) / columns) * square_m});
+    const std::div_t place = std::div(static_cast<int>(i), columns);
+    view.points.push_back({.x = place.rem * square_m, .y = place.quot * square_m});
     view.pixels.push_back({.x = corners[i].x, .y = corners[i].y});
   }
   return view;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <regista/camera/light.hpp>
+#include <tuple>
 
 namespace regista::camera {
 
@@ -54,19 +55,18 @@ void LightMap::measure(const Image& image) {
   const auto cell_count = static_cast<std::size_t>(cell_columns) * static_cast<std::size_t>(cell_rows);
   cells_.resize(cell_count);
   calm_.resize(cell_count);
+  cv::Mat raw{cell_rows, cell_columns, CV_32F, cells_.data()};
   for (int row = 0; row < cell_rows; ++row) {
-    for (int column = 0; column < cell_columns; ++column) {
-      cells_[static_cast<std::size_t>(row * cell_columns + column)] =
-          median_brightness(image, column * cell, row * cell);
-    }
+    for (int column = 0; column < cell_columns; ++column)
+      raw.at<float>(row, column) = median_brightness(image, column * cell, row * cell);
   }
-  const cv::Mat raw{cell_rows, cell_columns, CV_32F, cells_.data()};
   cv::Mat calm{cell_rows, cell_columns, CV_32F, calm_.data()};
   cv::medianBlur(raw, calm, 3);  // where robots crowd
 
-  columns_ = static_cast<std::size_t>((image.width + block - 1) / block);
+  const int columns = (image.width + block - 1) / block;
   const int rows = (image.height + block - 1) / block;
-  levels_.resize(columns_ * static_cast<std::size_t>(rows));
+  columns_ = static_cast<std::size_t>(columns);
+  levels_.clear();
   // Between the middles of the cells, linearly.
   const auto mixed = [&](int block_number, int count) {
     const double at = std::clamp((block_number + 0.5) * block / cell - 0.5, 0.0, count - 1.0);
@@ -75,14 +75,13 @@ void LightMap::measure(const Image& image) {
   };
   for (int row = 0; row < rows; ++row) {
     const auto [y0, y1, v] = mixed(row, cell_rows);
-    for (int column = 0; column < static_cast<int>(columns_); ++column) {
+    for (int column = 0; column < columns; ++column) {
       const auto [x0, x1, u] = mixed(column, cell_columns);
       const float upper = (1 - u) * calm.at<float>(y0, x0) + u * calm.at<float>(y0, x1);
       const float lower = (1 - u) * calm.at<float>(y1, x0) + u * calm.at<float>(y1, x1);
       const double gain = carpet / std::max(1.0F, (1 - v) * upper + v * lower);
       const double level = std::log(gain / least_gain) / std::log(step_of_gain);
-      levels_[static_cast<std::size_t>(row) * columns_ + static_cast<std::size_t>(column)] =
-          static_cast<std::uint8_t>(std::clamp(std::round(level), 0.0, levels - 1.0));
+      levels_.push_back(static_cast<std::uint8_t>(std::clamp(std::round(level), 0.0, levels - 1.0)));
     }
   }
 }
