@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# The league's messages and regista-vision-bridge: all that needs protobuf.
+# The league's messages, what is made of them, and regista-vision-bridge: all that needs protobuf.
 
 find_package(Protobuf REQUIRED)
 set(generated ${PROJECT_BINARY_DIR}/ssl)
@@ -15,6 +15,9 @@ set_source_files_properties(${generated}/ssl.pb.cc PROPERTIES COMPILE_OPTIONS -w
 regista_floor(vision LEVEL 3 FOLDER vision_bridge USES ssl control device core
               SOURCES vision_bridge/src/clock_map.cpp vision_bridge/src/config.cpp vision_bridge/src/tracker.cpp)
 regista_floor(soccer LEVEL 4 USES vision client ssl control core SOURCES soccer/src/team.cpp)
+if(REGISTA_PYTHON)
+  return()
+endif()
 set(program vision_bridge/program)
 regista_program(regista-vision-bridge
                 SOURCES ${program}/main.cpp ${program}/bridge.cpp ${program}/recorder.cpp

@@ -299,6 +299,9 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
     for (MotionGroup& group : state.groups) {
       group.stop(inbound.session, "\"" + identity(inbound.session).name + "\" asked for a stop", now_);
     }
+    // Nothing is on its way to rest there, but energy is kept ready.
+    const AnyCommand uncharge = kicker::ChargeCommand{.on = 0};
+    if (open_ && port.commands[uncharge.index()]) call_handler(port, uncharge);
     return answer(AnyReply{});
   }
   if (const auto* motion = std::get_if<player::GetMotion>(&request)) {

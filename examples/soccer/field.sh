@@ -45,6 +45,7 @@ trap 'exit 130' INT TERM
 start() {
   local name=$1
   shift
+  : >"$folder/$name.out"
   "$@" >"$folder/$name.out" 2>"$folder/$name.log" &
   pids+=($!)
 }
@@ -106,7 +107,7 @@ echo "yellow at 127.0.0.1:$port and on, blue at $((port + 16)) and on; the bridg
 
 cd "$folder"
 if ((${#command[@]})); then
-  "${command[@]}" &
+  "${command[@]}" <&0 &
   pids+=($!)
   wait $!
 else

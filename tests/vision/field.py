@@ -19,7 +19,8 @@ from regista_process import ACK, COMMAND, DATA, POSITION2D, Client, ServerProces
 FIELD = BIN / "regista-field-sim"
 KICKER = 67
 HIDDEN = 0.02  # s of vision's delay that no timestamp shows
-DRIVER = 'name "ssl_robot" provides ["position2d:0" "position2d:1" "kicker:0"] sensors ["position2d:1"] rate 200 speed 1 accel 2.5 vision_sd 0.008'
+DRIVER = """name "ssl_robot" provides ["position2d:0" "position2d:1" "kicker:0"] rate 200
+  speed 1 accel 2.5 vision_sd 0.008"""
 
 
 class Simulation:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole way round: simulated field, multicast, bridge, TCP, server, driver, board protocol, and the field again."""
 
+import struct
 import subprocess
 import sys
 import tempfile
@@ -8,8 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
-from field import Loop, unsent_bytes
-from league import BRIDGE, wait_for
+from field import COMMAND, POSITION2D, Loop, unsent_bytes
+from league import BRIDGE, referee, wait_for
 
 pytestmark = pytest.mark.skipif(not BRIDGE.exists(), reason="built without REGISTA_VISION")
 POSE_BYTES = 76  # header and body of the command that carries a pose
@@ -56,6 +57,32 @@ def test_f17_vision_is_lost_for_a_while(tmp_path):
         assert loop.speed() < 0.02 and loop.error(-1.5, 0) > 1
         loop.pilot.go_to(0.5, 0.5)
         loop.rest_at(0.5, 0.5, 0.02)
+
+
+def test_halt_stops_the_kicker_too(tmp_path):
+    kick, charge, dribble = 1, 4, 3
+    with Loop(tmp_path) as loop:
+        pilot = loop.pilot
+        pilot.kicker_command(charge, struct.pack(">I", 1))
+        pilot.kicker_command(dribble, struct.pack(">f", 100))
+        wait_for(lambda: pilot.kicker and pilot.kicker[1] and pilot.kicker[3] > 90)
+        pilot.go_to(1, 0)
+        wait_for(lambda: loop.speed() > 0.3)
+        loop.bridge.referee.send(referee(0))
+        wait_for(lambda: loop.speed() < 0.01 and abs(pilot.kicker[3]) < 5)
+        for _ in range(10):
+            pilot.kicker_command(charge, struct.pack(">I", 1))
+            pilot.kicker_command(kick, struct.pack(">f", 3))
+            pilot.kicker_command(dribble, struct.pack(">f", 100))
+            pilot.client.send(POSITION2D, 1, COMMAND, 4, struct.pack(">2d", 3, 0))  # VEL_HEAD: how stock clients kick
+            time.sleep(0.02)
+        assert pilot.kicker[4] == 0 and abs(pilot.kicker[3]) < 5
+        loop.bridge.referee.send(referee(3, 2))
+        wait_for(lambda: not loop.bridge.status()["referee"]["halt"])
+        time.sleep(0.6)  # who was stopped must pause for a lease
+        pilot.kicker_command(charge, struct.pack(">I", 1))
+        pilot.kicker_command(kick, struct.pack(">f", 3))
+        wait_for(lambda: pilot.kicker[4] == 1)
 
 
 # As root of a network that is nobody else's.

@@ -9,6 +9,7 @@
 #include <charconv>
 #include <regista/client/robot.hpp>
 
+#include "errors.hpp"
 #include "messages.hpp"
 #include "wire.hpp"
 
@@ -57,22 +58,6 @@ Address to_address(const std::string& text) {
     throw py::value_error{"'" + std::string{name} + "' is no interface that this library speaks"};
   }
   return {interface, static_cast<std::uint16_t>(index)};
-}
-
-py::object to_exception(const client::Error& error) {
-  const char* name = "Error";
-  if (dynamic_cast<const client::ConnectionError*>(&error) != nullptr) name = "ConnectionError";
-  if (dynamic_cast<const client::TimeoutError*>(&error) != nullptr) name = "TimeoutError";
-  if (dynamic_cast<const client::RefusedError*>(&error) != nullptr) name = "RefusedError";
-  const py::object type = py::module_::import("regista.errors").attr(name);
-  const client::Error::Context& context = error.context();
-  return type(error.what(), context.host, context.port, context.device, context.asked, error.reason());
-}
-
-[[noreturn]] void raise(const client::Error& error) {
-  const py::object exception = to_exception(error);
-  PyErr_SetObject(py::type::handle_of(exception).ptr(), exception.ptr());
-  throw py::error_already_set{};
 }
 
 /// A function of Python that C++ may keep, copy and forget without the GIL. It is called as function(value, error);

@@ -256,7 +256,8 @@ void SslRobot::take_kicks() {
       return out_of_range("chip angle", 0, kick_limits_.chip_angle_min_rad, kick_limits_.chip_angle_max_rad, "rad");
     return kick(chip.speed_mps, chip.angle_rad);
   });
-  kicker_.on<kicker::ChargeCommand>([this](const kicker::ChargeCommand& charge) { charging_ = charge.on != 0; });
+  kicker_.on<kicker::ChargeCommand>(
+      [this](const kicker::ChargeCommand& charge) { may_kick_ = charging_ = charge.on != 0; });
   kicker_.on<kicker::DribblerCommand>([this](const kicker::DribblerCommand& dribbler) -> Result<> {
     if (std::abs(dribbler.speed_radps) > kick_limits_.dribbler_radps) {
       return out_of_range("dribbler speed", dribbler.speed_radps, -kick_limits_.dribbler_radps,
@@ -270,6 +271,7 @@ void SslRobot::take_kicks() {
 }
 
 Result<> SslRobot::kick(double speed_mps, double angle_rad) {
+  if (!may_kick_) return Error{std::errc::operation_not_permitted, "kick: switched off by a stop or CHARGE 0"};
   const bool flat = angle_rad == 0;
   const double fastest = flat ? kick_limits_.kick_speed_mps : kick_limits_.chip_speed_mps;
   if (!(speed_mps > 0 && speed_mps <= fastest)) {
@@ -319,6 +321,7 @@ Result<> SslRobot::open() {
   seen_.reset();
   slipping_.set(false);
   fused_.reset();
+  may_kick_ = true;
   turn_vision(vision_timeout_ == Duration{} ? Vision::unused : Vision::waiting);
   forget_target();
   return {};

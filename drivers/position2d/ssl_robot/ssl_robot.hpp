@@ -156,6 +156,7 @@ class SslRobot final : public Driver {
   BodyVelocity command_;
   bool powered_ = true;
   bool charging_ = false;
+  bool may_kick_ = true;  ///< not after CHARGE 0, which is also what a stop says, before CHARGE 1
   double dribbler_radps_ = 0;
   std::uint16_t kicks_before_ = 0;  ///< the driver opened
   Duration slow_{};                 ///< since what changes slowly was published
