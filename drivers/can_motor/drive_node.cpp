@@ -422,7 +422,10 @@ std::string DriveNode::describe() const {
                                "measurements, 1802 and on",
                                "its start"};
   if (step_ == Step::resting) return failed_.empty() ? "not asked yet" : failed_;
-  if (step_ != Step::up) return std::string{"waits for "} + awaited[static_cast<std::size_t>(step_)];
+  if (step_ != Step::up) {
+    return std::string{"waits for "} + awaited[static_cast<std::size_t>(step_)] +
+           (failed_.empty() ? "" : ", after it failed: " + failed_);
+  }
   return state_ ? canopen::to_string(*state_) : "no state of CiA 402";
 }
 
