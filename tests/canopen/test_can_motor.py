@@ -23,7 +23,7 @@ pytest.importorskip("canopen")
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/faults"))
-from regista_process import BIN, COMMAND, DATA, NACK, NOISE, POSITION2D, Client, ServerProcess, wait_for  # noqa: E402
+from regista_process import BIN, DATA, NACK, NOISE, POSITION2D, Client, ServerProcess, wait_for  # noqa: E402
 
 PEER = ROOT / "tests/canopen/peer"
 KERNEL = os.environ.get("REGISTA_CAN")
@@ -34,10 +34,15 @@ CONFIG = """
 driver
 (
   name "can_motor" provides ["actarray:0" "power:0"] alwayson true
-  bus "{bus}" nodes [5 6] gear 20 wheel_speed 1200 wheel_accel 2000 wheel_decel 2000 quick_stop 2000 {more}
+  bus "{bus}" nodes [5 6] gear 20 wheel_speed 1200 wheel_accel 2000 wheel_decel 2000 quick_stop 2000 {rate}
 )
-driver ( name "differential" provides ["position2d:0"] requires ["actarray:0"] wheel_radius 0.1 track 0.4 accel 10 )
+driver
+(
+  name "differential" provides ["position2d:0"] requires ["actarray:0"] wheel_radius 0.1 track 0.4 accel 10
+)
 """
+# An emulated kernel has one slow processor for all.
+RATE = "rate 20 cycle 0.05 feedback 0.05" if KERNEL else ""
 
 
 class Drive:
@@ -75,7 +80,7 @@ class Drive:
 class Robot:
     """Two drives, a server and a client that drives."""
 
-    def __init__(self, folder, more="", eds=None):
+    def __init__(self, folder, eds=None):
         self.eds = ["--eds", eds] if eds else []
         self.stack = contextlib.ExitStack()
         if KERNEL:
@@ -93,7 +98,7 @@ class Robot:
             self.start_drive(node)
         self.stack.callback(lambda: [drive.end() for drive in self.drives.values()])
         self.server = self.stack.enter_context(
-            ServerProcess(folder, CONFIG.format(bus=self.bus, more=more), PLUGINS, options=["--log-level", "info"])
+            ServerProcess(folder, CONFIG.format(bus=self.bus, rate=RATE), PLUGINS, options=["--log-level", "info"])
         )
         self.client = Client(self.server.port)
         self.stack.callback(self.client.close)
@@ -132,7 +137,10 @@ class Robot:
         wait_for(self.power)
 
     def logged(self, text, since=0):
-        wait_for(lambda: text in self.server.log()[since:])
+        try:
+            wait_for(lambda: text in self.server.log()[since:], 20)
+        except TimeoutError as late:
+            raise AssertionError(f"'{text}' is not in the log:\n{self.server.log()}") from late
 
     def drive(self, velocity=0.5):
         """Until both wheels turn at full speed: 0.5 m/s are 955 rpm."""
@@ -252,7 +260,9 @@ def test_f15_a_drive_without_1016_stops_by_its_deadline_for_set_points(tmp_path)
         robot.server.process.kill()
         for node in robot.drives:
             robot.stopped(node, killed, 0.5)
-            assert {"silent": 0x8250}.items() <= next(l for l in robot.drives[node].told if "silent" in l).items()
+            assert {"silent": 0x8250}.items() <= next(
+                line for line in robot.drives[node].told if "silent" in line
+            ).items()
 
 
 def test_a_drive_that_nothing_would_stop_is_not_enabled(tmp_path):

@@ -15,9 +15,9 @@ import threading
 import time
 from pathlib import Path
 
+import can
 from block_server import BlockSdoServer
 
-import can
 import canopen
 
 STATES = {
