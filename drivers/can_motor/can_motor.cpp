@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <regista/canopen/eds.hpp>
+#include <sstream>
 
 namespace regista {
 
@@ -18,7 +19,7 @@ namespace {
 
 constexpr std::size_t most_drives = 8;
 constexpr double rpm_per_radps = 60 / (2 * std::numbers::pi);
-constexpr Duration diagnosis_period = std::chrono::seconds{1};
+constexpr Duration diagnosis_period = std::chrono::milliseconds{250};
 // A float is exact enough for the angle of a wheel up to here; beyond it rolls over.
 constexpr double roll_over_rad = 512 * 2 * std::numbers::pi;
 
@@ -115,6 +116,27 @@ std::unique_ptr<BusLink> read_bus(const Section& config) {
       nodes, parameters, static_cast<int>(config.integer("bit_rate", 500'000, {.min = 20'000, .max = 1'000'000})));
 }
 
+std::vector<CanMotor::Relay> read_relays(const Section& config, std::span<const NodeId> nodes) {
+  std::vector<CanMotor::Relay> relays;
+  for (const std::string& text : config.texts("relays", {})) {
+    std::istringstream words{text};
+    int node = 0;
+    std::string object;
+    unsigned bit = 0;
+    const bool complete = static_cast<bool>(words >> node >> object >> bit) && bit < 32;
+    const auto index = canopen::ObjectDictionary{}.parse(object);
+    if (!complete || !index) {
+      throw config.error("relays", "must be like \"5 60FE:01 16\": node, object, bit; not \"" + text + '"');
+    }
+    if (std::ranges::find(nodes, node) == nodes.end()) {
+      throw config.error("relays", "has node " + std::to_string(node) + ", which is not in 'nodes'");
+    }
+    relays.push_back({static_cast<NodeId>(node), *index, bit});
+  }
+  if (relays.size() > 32) throw config.error("relays", "must be at most 32");
+  return relays;
+}
+
 }  // namespace
 
 CanMotor::CanMotor(Setup& setup) : CanMotor{setup, read_bus(setup.config)} {}
@@ -131,6 +153,7 @@ CanMotor::CanMotor(Setup& setup, std::unique_ptr<BusLink> link)
           .bit_rate = static_cast<int>(setup.config.integer("bit_rate", 500'000, {.min = 20'000, .max = 1'000'000})),
           .cycle = setup.config.duration("cycle", std::chrono::milliseconds{20}, {.min = 0.001, .max = 0.1})},
       dcf_{read_dcf(setup.config, nodes_)},
+      relays_{read_relays(setup.config, nodes_)},
       fastest_radps_{setup.config.angle("wheel_speed")},
       link_{std::move(link)},
       targets_(nodes_.size()),
@@ -188,6 +211,7 @@ CanMotor::CanMotor(Setup& setup, std::unique_ptr<BusLink> link)
         },
         wheels_.now());
   });
+  relays_port_.on<dio::OutputCommand>([this](const dio::OutputCommand& command) { return switch_relays(command); });
   wheels_.on<actarray::GetGeometry>([this](const auto&) -> Result<actarray::Geometry> {
     actarray::Geometry geometry;
     geometry.actuators.resize(
@@ -198,6 +222,67 @@ CanMotor::CanMotor(Setup& setup, std::unique_ptr<BusLink> link)
 }
 
 CanMotor::~CanMotor() = default;
+
+/// Outputs are objects of a drive, whose other bits are not ours: read, change, write.
+Result<> CanMotor::switch_relays(const dio::OutputCommand& command) {
+  if (command.count > relays_.size()) {
+    return Error{std::errc::invalid_argument, "there are " + std::to_string(relays_.size()) + " relays, and " +
+                                                  std::to_string(command.count) + " bits"};
+  }
+  const std::uint32_t meant = command.count < 32 ? (1U << command.count) - 1 : ~0U;
+  wanted_outputs_ = (wanted_outputs_ & ~meant) | (command.bits & meant);
+  for (std::size_t i = 0; i < command.count; ++i) {
+    const auto is_same = [&](const Relay& other) {
+      return other.node == relays_[i].node && other.object == relays_[i].object;
+    };
+    if (std::find_if(relays_.begin(), relays_.end(), is_same) != relays_.begin() + static_cast<std::ptrdiff_t>(i)) {
+      continue;  // the first of an object switches all of it
+    }
+    if (Result<> begun = switch_object(relays_[i]); !begun) return begun;
+  }
+  return {};
+}
+
+Result<> CanMotor::switch_object(const Relay& relay) {
+  canopen::Master& master = group_->master();
+  const auto told = [this, relay](const Error& error) { relays_port_.tell(2, "relays: " + error.message()); };
+  std::uint64_t ours = 0;
+  for (const Relay& other : relays_) {
+    if (other.node == relay.node && other.object == relay.object) ours |= 1ULL << other.bit;
+  }
+  if (relay.object == canopen::ObjectIndex{0x60FE, 1}) {
+    // CiA 402-2, 60FE: what is not in the mask stays as it is.
+    const auto masked = [told](const Result<canopen::Bytes>& done) {
+      if (!done) told(done.error());
+    };
+    if (Result<> begun = master.download(relay.node, {0x60FE, 2}, canopen::le_bytes(ours, 4), masked, now_); !begun) {
+      return begun;
+    }
+  }
+  return master.upload(
+      relay.node, relay.object,
+      [this, relay, ours, told](const Result<canopen::Bytes>& before) {
+        if (!before) return told(before.error());
+        if (before->empty() || before->size() > 8) return;
+        std::uint32_t switched = 0;  // which of our outputs
+        std::uint64_t value = canopen::get_le(*before) & ~ours;
+        for (std::size_t i = 0; i < relays_.size(); ++i) {
+          if (relays_[i].node != relay.node || relays_[i].object != relay.object) continue;
+          switched |= 1U << i;
+          if ((wanted_outputs_ >> i & 1) != 0) value |= 1ULL << relays_[i].bit;
+        }
+        const std::uint32_t as_written = wanted_outputs_ & switched;
+        const auto written = [this, told, switched, as_written](const Result<canopen::Bytes>& done) {
+          if (!done) return told(done.error());
+          outputs_ = (outputs_ & ~switched) | as_written;
+          relays_port_.send(dio::State{.count = static_cast<std::uint32_t>(relays_.size()), .bits = outputs_});
+        };
+        const Result<> begun = group_->master().download(
+            relay.node, relay.object, canopen::le_bytes(value, before->size()), written, group_->master().now());
+        if (!begun) told(begun.error());
+      },
+      now_);
+}
 
 Result<> CanMotor::open() {
   const auto bus = link_->open();

@@ -18,7 +18,7 @@ namespace regista {
 ///
 /// A drive that would go on driving when this process dies is not enabled: see `can_motor::DriveNode`.
 ///
-/// Properties, for people, renewed once a second: `bus`, and for each node N `nodeN` and `nodeN.emcy`.
+/// Properties, for people, renewed four times a second: `bus`, and for each node N `nodeN` and `nodeN.emcy`.
 ///
 /// | Key           | Value                                                                          | Default       |
 /// |---------------|--------------------------------------------------------------------------------|---------------|
@@ -54,12 +54,14 @@ class CanMotor final : public Driver {
   void close() noexcept override;
   [[nodiscard]] std::span<const int> descriptors() const override { return {&descriptor_, 1}; }
 
- private:
+  /// An output of a drive: a bit of an object.
   struct Relay {
     canopen::NodeId node = 0;
     canopen::ObjectIndex object{};
     unsigned bit = 0;
   };
+
+ private:
   struct Diagnosis {
     Property<std::string> state;
     Property<std::string> emcy;
@@ -67,6 +69,7 @@ class CanMotor final : public Driver {
 
   Result<> set_speeds(std::span<const float> radps);
   Result<> switch_relays(const dio::OutputCommand& command);
+  Result<> switch_object(const Relay& relay);
   void diagnose(Time now);
   [[nodiscard]] double radps_of(std::size_t drive) const;
 
@@ -91,11 +94,11 @@ class CanMotor final : public Driver {
   int descriptor_ = -1;
   std::vector<std::int32_t> targets_;
   std::vector<double> angles_rad_;  ///< until the drives were made anew
-  std::uint32_t outputs_ = 0;       ///< as they were confirmed
+  std::uint32_t wanted_outputs_ = 0;
+  std::uint32_t outputs_ = 0;  ///< as they were confirmed
   actarray::State state_;
   Time now_;
   Time diagnosed_;
-  bool fresh_ = false;
 };
 
 }  // namespace regista

@@ -382,10 +382,13 @@ void DriveNode::on_emcy(const canopen::Emcy& emcy) {
   is_warning || step_ != Step::up ? events_.tell(1, text) : events_.trouble(text);
 }
 
+/// A node that is gone is told by its heartbeat, if it has one; this is for one that only tells no more.
+Duration DriveNode::feedback_limit() const { return watched_ ? silence + producer_time : silence; }
+
 void DriveNode::on_time(Time now) {
   if (step_ == Step::up) {
-    if (heard_ && now - *heard_ > silence) {
-      fail("no feedback for " + std::to_string(silence.count()) + " ms");
+    if (heard_ && now - *heard_ > feedback_limit()) {
+      fail("no feedback for " + std::to_string(feedback_limit() / 1ms) + " ms");
       events_.trouble(title() + ": " + failed_);
     }
     return;
@@ -398,7 +401,7 @@ void DriveNode::on_time(Time now) {
 }
 
 Time DriveNode::next_wake() const {
-  if (step_ == Step::up) return heard_ ? *heard_ + silence + 1ns : Time::max();
+  if (step_ == Step::up) return heard_ ? *heard_ + feedback_limit() + 1ns : Time::max();
   return due_;
 }
 
@@ -422,7 +425,10 @@ std::string DriveNode::describe() const {
                                "measurements, 1802 and on",
                                "its start"};
   if (step_ == Step::resting) return failed_.empty() ? "not asked yet" : failed_;
-  if (step_ != Step::up) return std::string{"waits for "} + awaited[static_cast<std::size_t>(step_)];
+  if (step_ != Step::up) {
+    return std::string{"waits for "} + awaited[static_cast<std::size_t>(step_)] +
+           (failed_.empty() ? "" : ", after it failed: " + failed_);
+  }
   return state_ ? canopen::to_string(*state_) : "no state of CiA 402";
 }
 

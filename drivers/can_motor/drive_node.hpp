@@ -89,6 +89,7 @@ class DriveNode {
   void subscribe();
   void judge_guard();
   [[nodiscard]] canopen::PdoSettings transmitted(int number, canopen::PdoMapping mapping) const;
+  [[nodiscard]] Duration feedback_limit() const;
   void on_feedback(canopen::ByteView bytes, Time now);
   [[nodiscard]] std::string title() const { return "node " + std::to_string(node_); }
 

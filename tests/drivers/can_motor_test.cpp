@@ -15,7 +15,8 @@ using canopen::NodeId;
 constexpr std::array<NodeId, 2> nodes{5, 6};
 constexpr const char* keys =
     "provides [\"actarray:0\" \"power:0\" \"dio:0\"] bus \"simulated\" nodes [5 6] gear 20 wheel_speed 1200 "
-    "wheel_accel 2000 wheel_decel 2000 quick_stop 4000 ";
+    "wheel_accel 2000 ";
+constexpr const char* ramps = "increments 4096 wheel_decel 2000 quick_stop 4000";
 
 struct SimulatedDrives {
   sim::CanDrives* drives = nullptr;
@@ -23,7 +24,7 @@ struct SimulatedDrives {
 
 /// The driver with two simulated drives, which a test can look into.
 struct Drives : SimulatedDrives, Bench {
-  explicit Drives(const std::string& more = "increments 4096", const sim::CanDriveParameters& parameters = {})
+  explicit Drives(const std::string& more = ramps, const sim::CanDriveParameters& parameters = {})
       : Bench{keys + more, [&](Setup& setup) -> std::unique_ptr<Driver> {
                 auto link = std::make_unique<can_motor::SimulatedBusLink>(nodes, parameters, 500'000);
                 drives = &link->drives();
@@ -94,6 +95,214 @@ TEST(CanMotor, stops_when_its_client_falls_silent) {
   bench.run(2s);
   EXPECT_EQ(bench.rpm(0), 0);
   EXPECT_EQ(bench.state(0), Cia402State::operation_enabled);
+}
+
+TEST(CanMotor, without_power_makes_a_quick_stop_and_takes_the_voltage_away) {
+  Drives bench;
+  ASSERT_TRUE(bench.up());
+  bench.turn(5, 5, 1s);
+  ASSERT_TRUE(bench.ask(actarray::SetPower{.on = 0}));
+  bench.run(20ms);
+  EXPECT_EQ(bench.state(0), Cia402State::quick_stop_active);
+  bench.run(1s);
+  EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
+  EXPECT_EQ(bench.rpm(1), 0);
+}
+
+TEST(CanMotor, a_set_point_is_0_until_a_drive_is_enabled) {
+  Drives bench;
+  bool enabled = false;
+  int enabling = 0;
+  bench.drives->bus().lose = [&](const canopen::CanFrame& frame) {
+    if (frame.id != 0x205) return false;
+    const bool enables = (frame.data[0] & 0xFU) == 0xF;
+    const bool first = !std::exchange(enabled, enables) && enables;
+    if (first) ++enabling;
+    EXPECT_TRUE((enabled && !first) || canopen::get_le(frame.bytes().subspan(2, 4)) == 0);
+    return false;
+  };
+  ASSERT_TRUE(bench.up());
+  for (int round = 0; round < 3; ++round) {
+    bench.turn(5, 5, 500ms);
+    ASSERT_TRUE(bench.ask(actarray::SetPower{.on = 0}));
+    bench.turn(5, 5, 500ms);  // refused, and forgotten
+    ASSERT_TRUE(bench.power_up());
+    EXPECT_EQ(bench.rpm(0), 0);
+  }
+  EXPECT_EQ(enabling, 4);
+}
+
+TEST(CanMotor, an_emergency_of_one_drive_stops_both_until_power_is_asked_for) {
+  Drives bench;
+  ASSERT_TRUE(bench.up());
+  bench.turn(5, 5, 1s);
+  bench.events();
+  bench.drives->drive(0).fail(0x3210, bench.now());
+  bench.run(10ms);
+  EXPECT_EQ(bench.state(1), Cia402State::quick_stop_active) << "after a frame each way";
+  EXPECT_NE(bench.events().find("actarray:0: node 5: EMCY 0x3210 DC link over-voltage"), std::string::npos);
+  bench.turn(5, 5, 1s);
+  EXPECT_EQ(bench.rpm(0), 0);
+  EXPECT_EQ(bench.rpm(1), 0);
+  bench.events();
+  bench.run(5s);
+  bench.turn(5, 5, 100ms);
+  const std::string refused = bench.events();
+  EXPECT_NE(refused.find("refused: node 5: EMCY 0x3210"), std::string::npos) << refused;
+  EXPECT_NE(bench.text("node5.emcy").find("EMCY 0x3210"), std::string::npos);
+  EXPECT_EQ(bench.text("node5").substr(0, 5), "fault");
+  ASSERT_TRUE(bench.power_up()) << "which resets the fault";
+  bench.turn(5, 5, 1s);
+  EXPECT_GT(bench.rpm(0), 900);
+}
+
+TEST(CanMotor, a_drive_that_is_pulled_stops_the_other_one) {
+  Drives bench;
+  ASSERT_TRUE(bench.up());
+  bench.turn(5, 5, 1s);
+  bench.events();
+  bench.drives->port_of(1).connect(false);
+  bench.turn(5, 5, 270ms);  // 250 ms and a beat
+  EXPECT_NE(bench.state(0), Cia402State::operation_enabled);
+  EXPECT_NE(bench.state(1), Cia402State::operation_enabled) << "it misses us";
+  EXPECT_NE(bench.events().find("actarray:0: node 6: heartbeat lost for 250 ms"), std::string::npos);
+  bench.run(2s);
+  EXPECT_NE(bench.text("node6").find("does not answer"), std::string::npos) << bench.text("node6");
+  const auto refused = bench.power_up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what.substr(0, 7), "node 6:");
+  bench.drives->port_of(1).connect(true);
+  bench.run(3s);
+  EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
+  ASSERT_TRUE(bench.power_up());
+  bench.turn(5, 5, 1s);
+  EXPECT_GT(bench.rpm(1), 900);
+}
+
+TEST(CanMotor, a_power_cycle_stops_both_and_the_drive_comes_back_configured_but_not_enabled) {
+  Drives bench;
+  ASSERT_TRUE(bench.up());
+  bench.turn(5, 5, 1s);
+  bench.events();
+  bench.drives->drive(0).power_cycle(bench.now());
+  bench.run(10ms);
+  EXPECT_EQ(bench.state(1), Cia402State::quick_stop_active);
+  bench.turn(5, 5, 2s);
+  const std::string events = bench.events();
+  EXPECT_NE(events.find("node 5: boot-up message, its power was gone"), std::string::npos) << events;
+  EXPECT_NE(events.find("node 5: up, switch on disabled"), std::string::npos) << events;
+  EXPECT_EQ(bench.rpm(0), 0);
+  EXPECT_EQ(bench.rpm(1), 0);
+  EXPECT_EQ(bench.drives->drive(0).slave().get({0x6007, 0}), 3U) << "set up again";
+  ASSERT_TRUE(bench.power_up());
+}
+
+TEST(CanMotor, drives_stop_by_themselves_when_the_server_is_gone) {
+  Drives bench;
+  ASSERT_TRUE(bench.up());
+  bench.turn(5, 5, 1s);
+  bench.drives->port().connect(false);
+  bench.turn(5, 5, 250ms);
+  bench.run(10ms);  // simulated drives see the time of the beats
+  EXPECT_EQ(bench.state(0), Cia402State::quick_stop_active);
+  EXPECT_EQ(bench.state(1), Cia402State::quick_stop_active);
+}
+
+TEST(CanMotor, after_bus_off_nothing_moves_until_power_is_asked_for) {
+  Drives bench;
+  ASSERT_TRUE(bench.up());
+  bench.turn(5, 5, 1s);
+  bench.events();
+  bench.drives->port().bus_off();
+  bench.turn(5, 5, 300ms);
+  EXPECT_NE(bench.events().find("driver \"driver\" failed: CAN bus bus-off"), std::string::npos);
+  EXPECT_EQ(bench.drives->port().send({}).error().code, std::errc::network_down);
+  bench.drives->port().restart();
+  bench.turn(5, 5, 5s);
+  EXPECT_EQ(bench.rpm(0), 0);
+  EXPECT_EQ(bench.rpm(1), 0);
+  EXPECT_NE(bench.state(0), Cia402State::operation_enabled);
+  ASSERT_TRUE(bench.power_up());
+  bench.turn(5, 5, 1s);
+  EXPECT_GT(bench.rpm(0), 900);
+}
+
+TEST(CanMotor, refuses_to_enable_a_drive_that_would_go_on_without_us) {
+  Drives bench{"", {.watches_master = false}};
+  const auto refused = bench.up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what,
+            "node 5 would go on driving when this server dies: 6007 says that it does nothing then, and cannot be set "
+            "(node 5: write 6007:00: SDO abort 0x06020000: no such object in the dictionary)");
+  EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
+}
+
+TEST(CanMotor, refuses_another_makers_drive) {
+  Drives bench{"vendor \"0x1E\""};
+  ASSERT_FALSE(bench.up());
+  EXPECT_NE(bench.events().find("node 5: is another drive: vendor 0x52454741, expected 0x0000001E"), std::string::npos);
+}
+
+TEST(CanMotor, a_gen4_that_charges_its_battery_tells_a_negative_current) {
+  Drives bench{"profile \"sevcon\"", {.sevcon = true}};
+  const auto up = bench.up();
+  ASSERT_TRUE(up) << up.error().message();
+  bench.turn(5, -5, 1s);
+  EXPECT_NEAR(bench.rpm(0), 955, 1);
+  for (std::size_t i = 0; i < 2; ++i) {
+    canopen::Slave& slave = bench.drives->drive(i).slave();
+    slave.set({0x5100, 2}, static_cast<std::uint64_t>(-16 * 10));  // 10 A into the battery
+    EXPECT_EQ(slave.get({0x1005, 0}), 0x80U) << "its own SYNC is off";
+    EXPECT_EQ(slave.get({0x1014, 0}), 0x80U + nodes[i]) << "its EMCYs are on";
+    EXPECT_EQ(slave.get({0x5902, 0}), 2U) << "it stops without set-points";
+  }
+  bench.run(100ms);
+  const auto power = bench.latest<power::State>();
+  EXPECT_EQ(power.valid, power::volts | power::watts);
+  EXPECT_FLOAT_EQ(power.voltage_v, 48);
+  EXPECT_FLOAT_EQ(power.power_w, -2 * 48 * 10);
+}
+
+TEST(CanMotor, tells_the_voltage_of_its_drives) {
+  Drives bench;
+  bench.run(1s);
+  EXPECT_EQ(bench.latest<power::State>().valid, power::volts);
+  EXPECT_FLOAT_EQ(bench.latest<power::State>().voltage_v, 48);
+}
+
+TEST(CanMotor, switches_outputs_of_drives_and_leaves_their_other_bits) {
+  Drives bench{R"(relays ["5 60FE:01 16" "6 60FE:01 17" "5 60FE:01 18"])"};
+  bench.run(1s);
+  bench.drives->drive(0).slave().set({0x60FE, 1}, 0x80000001);
+  bench.send(dio::OutputCommand{.count = 3, .bits = 0b111}, 2);
+  bench.run(100ms);
+  EXPECT_EQ(bench.drives->drive(0).slave().get({0x60FE, 1}), 0x80050001U);
+  EXPECT_EQ(bench.drives->drive(0).slave().get({0x60FE, 2}), 0x00050000U) << "the mask";
+  EXPECT_EQ(bench.drives->drive(1).slave().get({0x60FE, 1}), 0x00020000U);
+  EXPECT_EQ(bench.latest<dio::State>(), (dio::State{.count = 3, .bits = 0b111}));
+  bench.send(dio::OutputCommand{.count = 1, .bits = 0}, 2);
+  bench.run(100ms);
+  EXPECT_EQ(bench.drives->drive(0).slave().get({0x60FE, 1}), 0x80040001U);
+  EXPECT_EQ(bench.latest<dio::State>(), (dio::State{.count = 3, .bits = 0b110}));
+  EXPECT_EQ(bench.events().find("refused"), std::string::npos);
+  bench.send(dio::OutputCommand{.count = 4, .bits = 0}, 2);
+  EXPECT_EQ(bench.events(), "dio:0 refused: there are 3 relays, and 4 bits\n");
+}
+
+TEST(CanMotor, names_what_is_wrong_with_its_keys) {
+  const auto complaint = [](const std::string& more) -> std::string {
+    try {
+      Drives bench{more};
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "none";
+  };
+  EXPECT_NE(complaint("profile \"dunker\"").find("'profile' must be \"cia402\" or \"sevcon\""), std::string::npos);
+  EXPECT_NE(complaint("relays [\"7 60FE:01 1\"]").find("node 7, which is not in 'nodes'"), std::string::npos);
+  EXPECT_NE(complaint("relays [\"5 1\"]").find("must be like \"5 60FE:01 16\""), std::string::npos);
+  EXPECT_NE(complaint("vendor \"sevcon\"").find("must be a hexadecimal number"), std::string::npos);
+  EXPECT_NE(complaint("reversed [9]").find("must be some of 'nodes'"), std::string::npos);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@ import threading
 import time
 from pathlib import Path
 
+import can
 from block_server import BlockSdoServer
 
 import canopen
@@ -254,6 +255,8 @@ class Drive:
             self.say(nmt=self.nmt)
 
     def watch_master(self, now):
+        if 0x1016 not in self.node.object_dictionary:
+            return
         entry = self.get(0x1016, 1)
         node, limit = entry >> 16 & 0x7F, (entry & 0xFFFF) / 1000
         if not limit:
@@ -310,14 +313,19 @@ class Drive:
                         pdo["due"] = max((pdo["due"] or now) + pdo["timer"], now) if pdo["timer"] else None
 
     def say(self, **what):
-        print(json.dumps({"node": self.id, "rpm": round(self.speed), **what}), flush=True)
+        line = {"time": time.monotonic(), "node": self.id, "rpm": round(self.speed), **what}
+        print(json.dumps(line), flush=True)
 
 
 def connect(interface, channel, port):
     network = canopen.Network()
     more = {"host": "127.0.0.1", "port": port, "tcp_tune": True} if interface == "socketcand" else {}
-    network.connect(interface=interface, channel=channel, **more)
-    return network
+    while True:
+        try:
+            network.connect(interface=interface, channel=channel, **more)
+            return network
+        except can.CanError:  # python-can trips over frames that come right behind socketcand's "< ok >"
+            time.sleep(0.01)
 
 
 def main():

@@ -36,7 +36,7 @@ class CanDrive final : public canopen::Station {
   void fail(std::uint16_t code, Time now);
 
   [[nodiscard]] const Cia402Drive& drive() const { return drive_; }
-  [[nodiscard]] const canopen::Slave& slave() const { return slave_; }
+  canopen::Slave& slave() { return slave_; }
 
  private:
   std::optional<canopen::SdoAbort> written(canopen::ObjectIndex object, canopen::ByteView bytes);
