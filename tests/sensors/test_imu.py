@@ -90,7 +90,7 @@ def test_mounting_and_declination_are_taken_away(tmp_path, sensor, protocol):
         imu.rate = [0.1, 0.2, 0.3]
         listener = Listener(server.port)
         assert listener.open() == ACK
-        # The sensor's x is the robot's y, its z is up, and so its y = z × x is the robot's minus x.
+        # The sensor's x is the robot's y, its z is up, and so its y (z cross x) is the robot's minus x.
         near(listener.next(CALIB)[:6], [0, 0, G, -0.2, 0.1, 0.3])
         near(listener.next(STATE, lambda d: abs(d[5]) < 1), [0, 0, 0, 0, 0, 0])
 
