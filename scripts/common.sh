@@ -5,11 +5,12 @@
 
 # Debian packages to build and run what users get …
 build_packages=(ccache cmake gcc g++ ninja-build libasio-dev libcli11-dev libeigen3-dev libfmt-dev libprotobuf-dev
-  libspdlog-dev nlohmann-json3-dev protobuf-compiler)
+  libspdlog-dev nlohmann-json3-dev protobuf-compiler
+  libgeographiclib-dev libgps-dev pkg-config)
 # … and those that only the checks need. libclang-rt-19-dev holds libFuzzer and the sanitizers of clang; user-mode-linux a
 # kernel with CAN, for tests/vm/with-vcan.
 test_packages=(python3 python3-dev python3-venv shellcheck libbenchmark-dev libgtest-dev librapidcheck-dev clang-19
-  libclang-rt-19-dev user-mode-linux busybox-static iproute2 can-utils)
+  libclang-rt-19-dev user-mode-linux busybox-static iproute2 can-utils gpsd)
 
 say() { printf '%s\n' "$*"; }
 
