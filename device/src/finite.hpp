@@ -25,7 +25,11 @@ std::string first_not_finite(const T& value) {
       if (member) look(F::name, *member);
     } else if constexpr (is_vector<Member> || is_array<Member>) {
       for (const auto& element : member) {
-        if constexpr (std::is_floating_point_v<std::remove_cvref_t<decltype(element)>>) look(F::name, element);
+        using Element = std::remove_cvref_t<decltype(element)>;
+        if constexpr (std::is_floating_point_v<Element>) look(F::name, element);
+        if constexpr (Described<Element>) {
+          if (found.empty()) found = first_not_finite(element);
+        }
       }
     } else if constexpr (Described<Member>) {
       const std::string inner = first_not_finite(member);

@@ -29,7 +29,8 @@ bool is_destination(const AnyCommand& command) {
       []<typename M>(const M&) {
         return std::same_as<M, position2d::PositionCommand> || std::same_as<M, position1d::PositionCommand> ||
                std::same_as<M, actarray::PositionCommand> || std::same_as<M, actarray::MultiPositionCommand> ||
-               std::same_as<M, planner::GoalCommand> || std::same_as<M, planner::StartCommand>;
+               std::same_as<M, planner::GoalCommand> || std::same_as<M, planner::StartCommand> ||
+               std::same_as<M, planner::RunCommand>;
       },
       command);
 }
@@ -187,6 +188,7 @@ std::optional<AnyCommand> way_to_rest(const AnyCommand& last, const Measured& me
                         [&](const actarray::SpeedCommand&) { return joints(); },
                         [](const planner::GoalCommand&) -> std::optional<AnyCommand> { return std::nullopt; },
                         [](const planner::StartCommand&) -> std::optional<AnyCommand> { return std::nullopt; },
+                        [](const planner::RunCommand&) -> std::optional<AnyCommand> { return std::nullopt; },
                         [](const auto& same) -> std::optional<AnyCommand> { return AnyCommand{same}; },
                     },
                     last);
@@ -214,6 +216,21 @@ AnyCommand at_rest(AnyCommand command) {
 }
 
 }  // namespace
+
+MotionPolicy MotionPolicy::read(const Section& config) {
+  const double infinite = std::numeric_limits<double>::infinity();
+  const Range positive{.min = 1e-6, .max = infinite};
+  MotionPolicy policy;
+  policy.lease = config.duration("lease", policy.lease, {.min = 0.1, .max = 2.0});
+  policy.outlives_owner = config.boolean("outlives_owner", false);
+  policy.max_speed = config.length("max_speed", infinite, positive);
+  policy.max_turn = config.angle("max_turn", infinite, positive);
+  policy.max_acceleration = config.length("max_acceleration", infinite, positive);
+  policy.max_turn_acceleration = config.angle("max_turn_acceleration", infinite, positive);
+  policy.ramp = config.length("ramp", infinite, positive);
+  policy.turn_ramp = config.angle("turn_ramp", infinite, positive);
+  return policy;
+}
 
 MotionGroup::MotionGroup(std::string device, std::string group, const MotionPolicy& policy)
     : device_{std::move(device)}, group_{std::move(group)}, policy_{policy} {

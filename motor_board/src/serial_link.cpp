@@ -76,6 +76,7 @@ class SerialLink final : public BoardLink {
   }
 
   [[nodiscard]] const std::string& name() const override { return device_; }
+  [[nodiscard]] int descriptor() const override { return descriptor_.get(); }
 
  private:
   [[nodiscard]] Error failed(const char* what) const {

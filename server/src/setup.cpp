@@ -14,23 +14,6 @@ std::string address_text(std::uint16_t interface, std::uint16_t index) {
   return std::string{interface_name(interface)} + ':' + std::to_string(index);
 }
 
-MotionPolicy read_motion(const Section& config) {
-  using std::chrono::milliseconds;
-  const double infinite = std::numeric_limits<double>::infinity();
-  const Range positive{.min = 1e-6, .max = infinite};
-  const MotionPolicy defaults;
-  MotionPolicy policy;
-  policy.lease = config.duration("lease", defaults.lease, {.min = 0.1, .max = 2.0});
-  policy.outlives_owner = config.boolean("outlives_owner", false);
-  policy.max_speed = config.length("max_speed", infinite, positive);
-  policy.max_turn = config.angle("max_turn", infinite, positive);
-  policy.max_acceleration = config.length("max_acceleration", infinite, positive);
-  policy.max_turn_acceleration = config.angle("max_turn_acceleration", infinite, positive);
-  policy.ramp = config.length("ramp", infinite, positive);
-  policy.turn_ramp = config.angle("turn_ramp", infinite, positive);
-  return policy;
-}
-
 }  // namespace
 
 Server::Impl::Impl(const ConfigFile& config, ServerOptions options)
@@ -75,7 +58,7 @@ void Server::Impl::make_driver(const Section& section) {
   HostOptions host_options{.rate_hz = config.number("rate", plugin.rate_hz, {.min = 0, .max = 10'000}),
                            .always_on = config.boolean("alwayson", false)};
   host_options.priority = static_cast<std::int32_t>(config.integer("priority", 10, {.min = 0, .max = 100}));
-  const MotionPolicy policy = read_motion(config);
+  const MotionPolicy policy = MotionPolicy::read(config);
   const std::vector<PlacedName> sensors = config.device_names("sensors");
   (void)config.has("provides");
   (void)config.has("requires");

@@ -59,6 +59,10 @@ void expect_all_keys_known(const std::string& file, const std::string& folder) {
 
 TEST(Plugins, know_every_key_of_the_examples) {
   expect_all_keys_known("sim.cfg", "regista");
+#ifdef REGISTA_GPS
+  expect_all_keys_known("sim_field.cfg", "regista");
+  expect_all_keys_known("field_sensors.cfg", "regista");
+#endif
   expect_all_keys_known("driver/turntable.cfg", "regista-examples");
 }
 

@@ -125,7 +125,8 @@ void for_each_message(Visit&& visit) {
 
 /// The kicker, and the extension of the player interface from subtype 100 on.
 constexpr bool is_our_addition(const Message& m) {
-  return m.interface == kicker::code || (m.interface == player::code && m.subtype >= 100);
+  return m.interface == kicker::code ||
+         ((m.interface == player::code || m.interface == planner::code) && m.subtype >= 100);
 }
 
 TEST(Description, agrees_with_players_own_definitions) {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <regista/core/result.hpp>
 #include <regista/core/time.hpp>
+#include <regista/device/config.hpp>
 #include <regista/device/link.hpp>
 #include <string>
 
@@ -21,6 +22,9 @@ struct MotionPolicy {
   double max_turn_acceleration = std::numeric_limits<double>::infinity();  ///< [rad/s²]
   double ramp = std::numeric_limits<double>::infinity();                   ///< [m/s²], of a stop
   double turn_ramp = std::numeric_limits<double>::infinity();              ///< [rad/s²], of a stop
+
+  /// The keys of a driver's section. Throws ConfigError.
+  static MotionPolicy read(const Section& config);
 };
 
 /// What a change of motion is called: for the log, the events and the state that everybody can read.

@@ -23,6 +23,8 @@ class BoardLink {
   virtual Result<std::size_t> receive(const Tick& tick, std::span<std::uint8_t> bytes) = 0;
   /// "/dev/ttyACM0", for texts.
   [[nodiscard]] virtual const std::string& name() const = 0;
+  /// Readable when something has come; -1 where nothing tells.
+  [[nodiscard]] virtual int descriptor() const { return -1; }
 };
 
 /// A serial line, real or over USB, for us alone while it is open. `bits_per_second` is one of termios' (115200,
