@@ -49,6 +49,7 @@ def browser():
         arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
         program = os.environ.get("CHROMIUM", "/usr/bin/chromium")
         browser = playwright.chromium.launch(executable_path=program, args=arguments)
+        browser.new_page().close()  # the first one takes seconds
         yield browser
         browser.close()
 
@@ -58,6 +59,15 @@ def robot():
     """A server with a simulated robot."""
     with Server(ROOT / "examples/sim.cfg") as server:
         yield server
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory):
+    """A robot and its gateway, for tests that leave both as they were, but for where the robot is."""
+    with Server(ROOT / "examples/sim.cfg") as server:
+        gateway = Gateway(server.robot, folder=tmp_path_factory.mktemp("recordings"))
+        yield server, gateway
+        gateway.end()
 
 
 @pytest.fixture
