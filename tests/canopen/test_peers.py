@@ -9,6 +9,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -237,8 +238,10 @@ def test_our_device_beats_and_follows_nmt(ours):
         while ours.nmt.state != state and time.monotonic() < deadline:
             ours.nmt.wait_for_heartbeat(LIMIT)
         assert ours.nmt.state == state
+    booted = threading.Event()  # not wait_for_bootup(), which misses one that comes before it waits
+    ours.nmt.add_heartbeat_callback(lambda state: state == 0 and booted.set())
     ours.nmt.state = "RESET"
-    ours.nmt.wait_for_bootup(LIMIT)
+    assert booted.wait(LIMIT)
 
 
 def test_our_device_maps_pdos_and_sends_them_on_sync(ours):

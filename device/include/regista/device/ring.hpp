@@ -88,7 +88,8 @@ class Latest {
 /// A queue between two threads in which nothing is lost that must not be, and the newest wins where that is wanted.
 ///
 /// An item of a *lane* (the states of one device, the set-points of one command) may be replaced by a newer one of its
-/// lane when the queue is full; an item without a lane is refused then. A quarter of the queue is kept for the latter.
+/// lane when the queue holds a quarter of what it can; the rest is kept for items without a lane, which are refused
+/// when it is full. A short wait keeps every item; after a long one, stale items would only delay the new.
 template <typename T, std::size_t capacity>
 class Mailbox {
  public:
@@ -103,7 +104,7 @@ class Mailbox {
   /// Producer: `fill(T&)` writes the item in place, over an old one. False: full, and the item was refused.
   template <typename Fill>
   bool put(std::size_t lane, Fill&& fill) {
-    Item* item = ring_.claim(lane == no_lane ? 0 : capacity / 4);
+    Item* item = ring_.claim(lane == no_lane ? 0 : capacity - capacity / 4);
     if (item == nullptr && lane == no_lane) {
       refused_.fetch_add(1, std::memory_order_relaxed);
       return false;
