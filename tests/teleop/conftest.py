@@ -92,6 +92,7 @@ def visit(browser):
     def open_page(gateway, *, ready=True, script="", **options):
         context = browser.new_context(viewport=VIEW, **options)
         contexts.append(context)
+        context.set_default_timeout(20_000)
         page = context.new_page()
         page.troubles = []
         page.on("console", lambda m: page.troubles.append(m.text) if m.type in ("error", "warning") else None)

@@ -37,12 +37,6 @@ def page(shared, seen, visit):
     assert page.troubles == []
 
 
-def touch(page, type_, *points):
-    page.context.new_cdp_session(page).send(
-        "Input.dispatchTouchEvent", {"type": type_, "touchPoints": [{"x": x, "y": y} for x, y in points]}
-    )
-
-
 def test_keys_drive_and_letting_go_gives_the_robot_back(page, seen):
     page.keyboard.down("w")
     seen.wait(lambda s: s.pose.x > 0.3)
@@ -81,10 +75,16 @@ def test_a_gamepad_drives_while_the_dead_man_button_is_held(page, seen):
 def test_a_finger_on_the_stick_drives(page, seen):
     box = page.locator("#stick").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    touch(page, "touchStart", (x, y))
-    touch(page, "touchMove", (x, y - 60))
+    fingers = page.context.new_cdp_session(page)
+
+    def touch(type_, *points):
+        points = [{"x": x, "y": y} for x, y in points]
+        fingers.send("Input.dispatchTouchEvent", {"type": type_, "touchPoints": points})
+
+    touch("touchStart", (x, y))
+    touch("touchMove", (x, y - 60))
     seen.wait(lambda s: s.pose.x > 0.3)
-    touch(page, "touchEnd")
+    touch("touchEnd")
     seen.wait(lambda s: s.state == "stopped" and s.owner == "")
 
 

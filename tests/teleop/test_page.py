@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may talk to the gateway, and whether everybody can use the page."""
 
+import http.client
 import os
 import urllib.error
 import urllib.request
@@ -20,14 +21,21 @@ def status(url, **headers):
 
 
 def upgrade(gateway, token, origin):
-    base = gateway.url.partition("/#")[0]
+    """What the WebSocket's handshake is answered with."""
+    host = gateway.url.partition("//")[2].partition("/")[0]
+    connection = http.client.HTTPConnection(host, timeout=10)
     headers = {
         "Connection": "Upgrade",
         "Upgrade": "websocket",
         "Sec-WebSocket-Version": "13",
-        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",  # of RFC 6455, 1.3
+        **({"Origin": origin} if origin else {}),
     }
-    return status(f"{base}/socket?token={token}", **headers, **({"Origin": origin} if origin else {}))[0]
+    connection.request("GET", f"/socket?token={token}", headers=headers)
+    try:
+        return connection.getresponse().status
+    finally:
+        connection.close()
 
 
 def test_only_the_page_that_was_printed_may_connect(shared):
@@ -86,7 +94,7 @@ def test_the_keyboard_reaches_everything(shared, visit):
     for _ in range(60):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.id || document.activeElement.dataset.tool || ''"))
-    assert {"stop", "theme", "go", "speed", "go-x", "kick", "field", "record", "log", "motors"} <= reached
+    assert {"stop", "theme", "go", "speed", "go-x", "kick", "field", "record", "events-scroll", "motors"} <= reached
     page.locator("[data-tool=points]").focus()
     page.keyboard.press("Enter")
     assert page.locator("[data-tool=points]").get_attribute("aria-pressed") == "true"

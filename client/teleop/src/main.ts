@@ -44,10 +44,11 @@ function make(tag: string, text = "", className = ""): HTMLElement {
   return made;
 }
 
+/** `label` says more than `text` to those who do not see it. */
 function button(text: string, label: string, click: () => void): HTMLElement {
   const made = make("button", text, "quiet") as HTMLButtonElement;
   made.type = "button";
-  made.setAttribute("aria-label", label);
+  if (label) made.setAttribute("aria-label", label);
   made.addEventListener("click", click);
   return made;
 }
@@ -128,6 +129,7 @@ function take(message: FromGateway): void {
       drawRobots();
       drawFields();
       drawPanels();
+      drawRecording();
       drawLog();
       if (message.t === "robot" && message.connected) suggestPlot();
       break;
@@ -349,7 +351,7 @@ function drawMapping(): void {
     const has = isAxis ? (XBOX_AXES[number] ?? `axis ${number}`) : (XBOX_BUTTONS[number] ?? `button ${number}`);
     const change = button(
       padLearns === name ? (isAxis ? "move it …" : "press it …") : has,
-      `Change: ${PAD_NAMES[name]}`,
+      `${PAD_NAMES[name]}: ${text}`,
       () => {
         padLearns = padLearns === name ? null : name;
         drawMapping();
@@ -476,7 +478,9 @@ element("mission-cancel").addEventListener("click", () => {
 
 function describe([x, y, heading]: Point): string {
   const turn = heading === null ? "" : `, ${((heading * 180) / Math.PI).toFixed(0)}°`;
-  return `${x.toFixed(2)}, ${y.toFixed(2)} m${turn}`;
+  const place = world.robot?.geographic(x, y);
+  const earth = place ? ` (${place.latitude.toFixed(6)}, ${place.longitude.toFixed(6)})` : "";
+  return `${x.toFixed(2)}, ${y.toFixed(2)} m${turn}${earth}`;
 }
 
 function drawMission(): void {
@@ -588,7 +592,7 @@ function drawRecording(): void {
 function drawRobots(): void {
   element("robots").replaceChildren(
     ...[...world.robots.values()].map((robot) => {
-      const chip = button("", `Robot ${robot.label}`, () => choose(robot.number));
+      const chip = button("", "", () => choose(robot.number));
       chip.classList.add("chip");
       chip.dataset.robot = String(robot.number);
       chip.setAttribute("aria-pressed", String(robot.number === world.chosen));

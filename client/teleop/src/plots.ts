@@ -81,7 +81,7 @@ export class Plots {
   }
 
   #size(): { width: number; height: number } {
-    return { width: Math.max(200, this.parent.clientWidth), height: 210 };
+    return { width: Math.max(200, this.parent.clientWidth), height: 170 };
   }
 
   /** After series or theme have changed. */

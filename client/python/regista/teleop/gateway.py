@@ -20,7 +20,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 import regista
 from regista.cli.hand import Velocity
 
-from . import PAGE
+from . import PAGE, vision
 from .link import Link
 from .mission import Point
 from .recordings import Recordings
@@ -90,12 +90,14 @@ class Gateway:
         self._name = name
         self._recordings = Recordings(recordings)
         self._played: Link | None = None
+        self._field: dict[str, float] | None = None
         self._links: dict[int, Link] = {}
         self._running: dict[int, asyncio.Task[None]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._pages: list[Page] = []
         self._pilot: Page | None = None
         self._hosts: set[str] = set()
+        self._closing = False  # whoever still holds something drives no more
         self._runner: web.AppRunner | None = None
 
     async def start(self, port: int) -> None:
@@ -122,8 +124,17 @@ class Gateway:
         self._running[link.number] = self._spawn(link.run())
         return link
 
+    def see(self, address: str) -> None:
+        """The field and the ball of the vision bridge whose `status_port` is there, HOST:PORT."""
+        self._spawn(vision.watch(address, self._tell_vision))
+
+    def _tell_vision(self, message: dict[str, Any]) -> None:
+        self._field = message.get("field") or self._field
+        self._tell(message)
+
     async def close(self) -> None:
         """Robots at rest and given back, sockets closed."""
+        self._closing = True
         await asyncio.gather(*(link.close() for link in self._links.values()))
         await self._recordings.end()
         await self._recordings.end_play()
@@ -195,6 +206,8 @@ class Gateway:
     def _enter(self, page: Page) -> None:
         self._pages.append(page)
         page.tell({"t": "hello", "name": self._name[:63]})
+        if self._field is not None:
+            page.tell({"t": "vision", "why": "", "field": self._field})
         page.tell({"t": "playable", "files": self._recordings.files()})
         page.tell({"t": "recording", **self._recordings.to_dict()})
         for link in self._links.values():
@@ -227,7 +240,7 @@ class Gateway:
             message = json.loads(text)
             type_ = message["t"]
             if type_ == "drive":  # fifty times a second: no answer
-                if page is self._pilot and page.visible:
+                if page is self._pilot and page.visible and not self._closing:
                     self._link(message).hold(message["device"], _velocity(message))
                 return
             if type_ == "release":
