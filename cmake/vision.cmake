@@ -12,11 +12,13 @@ regista_floor(ssl LEVEL 2 USES core
               LINKS protobuf::libprotobuf-lite)
 target_include_directories(regista_ssl SYSTEM PRIVATE ${generated})
 set_source_files_properties(${generated}/ssl.pb.cc PROPERTIES COMPILE_OPTIONS -w SKIP_LINTING ON)
-regista_floor(vision LEVEL 3 FOLDER vision_bridge USES ssl control core
-              SOURCES vision_bridge/src/clock_map.cpp vision_bridge/src/tracker.cpp)
+regista_floor(vision LEVEL 3 FOLDER vision_bridge USES ssl control device core
+              SOURCES vision_bridge/src/clock_map.cpp vision_bridge/src/config.cpp vision_bridge/src/tracker.cpp)
+regista_floor(soccer LEVEL 4 USES vision client ssl control core SOURCES soccer/src/team.cpp)
 set(program vision_bridge/program)
 regista_program(regista-vision-bridge
-                SOURCES ${program}/main.cpp ${program}/bridge.cpp ${program}/config.cpp ${program}/recorder.cpp
+                SOURCES ${program}/main.cpp ${program}/bridge.cpp ${program}/recorder.cpp
                         ${program}/robot_link.cpp ${program}/status_server.cpp
                 USES vision ssl client device metrics core
                 LINKS spdlog::spdlog CLI11::CLI11 nlohmann_json::nlohmann_json Threads::Threads)
+regista_program(regista-field-sim SOURCES programs/field_sim.cpp USES sim ssl core LINKS CLI11::CLI11)

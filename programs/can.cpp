@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <CLI/CLI.hpp>
-#include <charconv>
 #include <csignal>
 #include <fstream>
 #include <iostream>
 #include <iterator>
 #include <regista/canopen/candump.hpp>
+#include <regista/canopen/cia402.hpp>
 #include <regista/canopen/eds.hpp>
 #include <regista/canopen/master.hpp>
+#include <regista/canopen/open_bus.hpp>
 #include <regista/canopen/pump.hpp>
 #include <regista/canopen/slave.hpp>
-#include <regista/canopen/socket_can.hpp>
-#include <regista/canopen/socketcand.hpp>
 
 namespace regista::canopen {
 namespace {
@@ -41,29 +40,6 @@ struct Failure : std::runtime_error {
   explicit Failure(const Error& error) : std::runtime_error{error.message()}, code{error.code} {}
   std::error_code code;
 };
-
-Result<std::unique_ptr<CanBus>> open_bus(const std::string& name) {
-  constexpr std::string_view scheme = "socketcand://";
-  if (!name.starts_with(scheme)) {
-    auto can = SocketCan::open(name);
-    if (!can) return can.error();
-    return std::unique_ptr<CanBus>{*std::move(can)};
-  }
-  const std::string rest = name.substr(scheme.size());
-  const std::size_t slash = rest.find('/');
-  const std::size_t colon = rest.rfind(':', slash);
-  if (slash == std::string::npos) return Error{std::errc::invalid_argument, name + ": no /BUS at the end"};
-  const std::string host = rest.substr(0, std::min(colon, slash));
-  int port = 29536;
-  if (colon != std::string::npos) {
-    const auto [end, error] = std::from_chars(&rest[colon + 1], &rest[slash], port);
-    if (error != std::errc{} || end != &rest[slash]) port = 0;
-  }
-  if (port < 1 || port > 65535) return Error{std::errc::invalid_argument, name + ": no port"};
-  auto can = SocketCand::open(host, static_cast<std::uint16_t>(port), rest.substr(slash + 1), 3s);
-  if (!can) return can.error();
-  return std::unique_ptr<CanBus>{*std::move(can)};
-}
 
 /// Sees frames before the station behind it does.
 struct Tap final : Station {
@@ -356,34 +332,6 @@ int nmt(const Arguments& a) {
   return 0;
 }
 
-/// CiA 402-2, 8.4: the bits of the statusword that tell the state.
-const char* drive_state(std::uint64_t statusword) {
-  switch (statusword & 0x4FU) {
-    case 0x00:
-      return "not ready to switch on";
-    case 0x40:
-      return "switch on disabled";
-    case 0x0F:
-      return "fault reaction active";
-    case 0x08:
-      return "fault";
-    default:
-      break;
-  }
-  switch (statusword & 0x6FU) {
-    case 0x21:
-      return "ready to switch on";
-    case 0x23:
-      return "switched on";
-    case 0x27:
-      return "operation enabled";
-    case 0x07:
-      return "quick stop active";
-    default:
-      return "no state of CiA 402";
-  }
-}
-
 /// Polls a drive and prints what changes.
 int watch(const Arguments& a) {
   Session session{a.bus, options(a)};
@@ -405,9 +353,10 @@ int watch(const Arguments& a) {
       const auto object = [&](std::uint16_t index) {
         return get_le(session.read(node_of(a), {index, 0}, SdoTransfer::standard));
       };
-      const std::uint64_t statusword = object(0x6041);
+      const auto statusword = static_cast<std::uint16_t>(object(0x6041));
+      const auto state = cia402_state(statusword);
       const std::uint64_t speed = object(0x606C);
-      line = "0x" + hex(statusword, 4) + " " + drive_state(statusword) + ", " +
+      line = "0x" + hex(statusword, 4) + " " + (state ? to_string(*state) : "no state of CiA 402") + ", " +
              std::to_string(static_cast<std::int32_t>(speed)) + " of velocity units, error 0x" + hex(object(0x603F), 4);
     } catch (const Failure& failure) {
       if (failure.code == std::errc::interrupted) break;

@@ -1,72 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // A simulated robot at the far end of a serial cable: the reference firmware of the motor board behind a
 // pseudo-terminal, in real time.
-#include <fcntl.h>
-#include <poll.h>
-#include <stdlib.h>  // NOLINT(modernize-deprecated-headers): POSIX' pseudo-terminals
-#include <termios.h>
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <array>
-#include <cerrno>
 #include <cstdio>
-#include <filesystem>
 #include <regista/sim/motor_board.hpp>
 #include <string>
-#include <system_error>
+
+#include "terminal.hpp"
 
 namespace {
 
 using namespace regista;
 using namespace std::chrono_literals;
-
-/// Both ends of a pseudo-terminal. The near one stays open too, so that the far one outlives whoever uses it.
-class Terminal {
- public:
-  Terminal() : board_{::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK)} {
-    std::array<char, 128> name{};
-    if (board_ < 0 || ::grantpt(board_) != 0 || ::unlockpt(board_) != 0 ||
-        ::ptsname_r(board_, name.data(), name.size()) != 0) {
-      throw std::system_error{errno, std::generic_category(), "open a pseudo-terminal"};
-    }
-    path_ = name.data();
-    computer_ = ::open(path_.c_str(), O_RDWR | O_NOCTTY);
-    termios settings{};
-    if (computer_ < 0 || ::tcgetattr(computer_, &settings) != 0) {
-      throw std::system_error{errno, std::generic_category(), "open " + path_};
-    }
-    ::cfmakeraw(&settings);
-    (void)::tcsetattr(computer_, TCSANOW, &settings);
-  }
-  Terminal(const Terminal&) = delete;
-  Terminal& operator=(const Terminal&) = delete;
-  ~Terminal() {
-    ::close(computer_);
-    ::close(board_);
-  }
-
-  [[nodiscard]] const std::string& path() const { return path_; }
-
-  /// Carry bytes both ways, waiting for the computer's up to a millisecond.
-  void exchange(sim::MotorBoard& board) const {
-    pollfd ready{.fd = board_, .events = POLLIN, .revents = 0};
-    std::array<std::uint8_t, 4096> bytes{};
-    if (::poll(&ready, 1, 1) > 0) {
-      const ssize_t count = ::read(board_, bytes.data(), bytes.size());
-      if (count > 0) board.receive(std::span{bytes}.first(static_cast<std::size_t>(count)));
-    }
-    const std::size_t count = board.transmit(bytes);
-    // Nobody may be there to take it; then it is lost, as on a cable.
-    if (count > 0 && ::write(board_, bytes.data(), count) < 0 && errno == EAGAIN) (void)::tcflush(computer_, TCIFLUSH);
-  }
-
- private:
-  int board_;
-  int computer_ = -1;
-  std::string path_;
-};
 
 /// One line of JSON: the truth.
 void report(const sim::MotorBoard& board) {
@@ -106,17 +51,15 @@ int main(int argc, char** argv) {
     parameters.robot.seed = 2 * seed;
     parameters.imu.seed = 2 * seed + 1;
     sim::MotorBoard board{parameters};
-    const Terminal terminal;
-    if (!link.empty()) {
-      if (std::filesystem::is_symlink(link)) std::filesystem::remove(link);
-      std::filesystem::create_symlink(terminal.path(), link);
-    }
+    const programs::Terminal terminal;
+    if (!link.empty()) terminal.link(link);
     std::printf("%s\n", terminal.path().c_str());
     (void)std::fflush(stdout);
     const Duration period = report_hz > 0 ? from_seconds(1 / report_hz) : Duration::max();
     Time now = Clock::now();
     Duration unreported{};
     for (;;) {
+      programs::wait(std::span{&terminal, 1}, 1);
       terminal.exchange(board);
       const Time before = std::exchange(now, Clock::now());
       board.step(std::min<Duration>(now - before, 1s));  // after a sleep of the machine it does not catch up

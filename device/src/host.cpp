@@ -30,13 +30,6 @@ struct Overloaded : Fs... {
   using Fs::operator()...;
 };
 
-template <typename Variant, typename Visit>
-void for_each_alternative(Visit&& visit) {
-  [&]<typename... Ms>(std::type_identity<std::variant<Ms...>>) {
-    (visit.template operator()<Ms>(Variant{std::in_place_type<Ms>}.index()), ...);
-  }(std::type_identity<Variant>{});
-}
-
 constexpr std::size_t no_lane = Mailbox<Inbound, 256>::no_lane;
 
 std::string more_before(std::uint64_t count) { return count > 0 ? " (" + std::to_string(count) + " more before)" : ""; }
@@ -79,7 +72,7 @@ DriverHost::DriverHost(std::string name, std::unique_ptr<Setup> setup, std::uniq
   for (PortCore& port : setup_->ports) {
     PortState& state = states_[port.number];
     if (port.sensor) options_.motion[port.number].sensor = true;
-    for_each_alternative<AnyCommand>([&]<typename M>(std::size_t alternative) {
+    for_each_message(AnyCommand::Messages{}, [&]<typename M>(std::size_t alternative) {
       if (M::message.interface != port.interface) return;
       const auto known = std::ranges::find(state.groups, M::message.group, &MotionGroup::group);
       state.group_of[alternative] = static_cast<std::uint8_t>(known - state.groups.begin());
@@ -115,7 +108,7 @@ Link& DriverHost::add_link(const Wakeup* woken) {
   channel.link.user = woken;
   for (const PortCore& port : setup_->ports) {
     auto& commands = channel.command_lanes.emplace_back();
-    for_each_alternative<AnyCommand>([&]<typename M>(std::size_t alternative) {
+    for_each_message(AnyCommand::Messages{}, [&]<typename M>(std::size_t alternative) {
       const bool known = M::message.interface == port.interface || std::same_as<M, player::KeepAlive>;
       const bool coalesces = known && M::message.flow == Flow::set_point;
       commands[alternative] = coalesces ? channel.link.down.add_lane() : no_lane;
@@ -123,7 +116,7 @@ Link& DriverHost::add_link(const Wakeup* woken) {
   }
   // The ports send through one table of lanes: every link has the same, in the same order.
   for (PortCore& port : setup_->ports) {
-    for_each_alternative<AnyData>([&]<typename M>(std::size_t alternative) {
+    for_each_message(AnyData::Messages{}, [&]<typename M>(std::size_t alternative) {
       if (M::message.interface == port.interface) port.lanes[alternative] = channel.link.up.add_lane();
     });
   }
@@ -336,11 +329,11 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
       return message.interface == port.interface && static_cast<std::uint32_t>(message.kind) == capability->kind &&
              message.subtype == capability->subtype;
     };
-    for_each_alternative<AnyCommand>(
-        [&]<typename M>(std::size_t i) { supported |= matches(M::message) && port.commands[i]; });
-    for_each_alternative<AnyRequest>(
-        [&]<typename M>(std::size_t i) { supported |= matches(M::message) && port.requests[i]; });
-    for_each_alternative<AnyData>([&]<typename M>(std::size_t) { supported |= matches(M::message); });
+    for_each_message(AnyCommand::Messages{},
+                     [&]<typename M>(std::size_t i) { supported |= matches(M::message) && port.commands[i]; });
+    for_each_message(AnyRequest::Messages{},
+                     [&]<typename M>(std::size_t i) { supported |= matches(M::message) && port.requests[i]; });
+    for_each_message(AnyData::Messages{}, [&]<typename M>(std::size_t) { supported |= matches(M::message); });
     if (supported) return answer(AnyReply{});
     return answer(Error{std::errc::not_supported, title(port) + " does not have that capability"});
   }
@@ -508,7 +501,7 @@ void join(DriverHost& consumer, RequiredCore& required, DriverHost& provider, st
   required.port = port;
   required.session = session;
   required.provider = &provider.wakeup();
-  for_each_alternative<AnyCommand>([&]<typename M>(std::size_t alternative) {
+  for_each_message(AnyCommand::Messages{}, [&]<typename M>(std::size_t alternative) {
     required.lanes[alternative] = provider.lane(link, port, AnyCommand{std::in_place_type<M>});
   });
 }
@@ -522,7 +515,7 @@ void DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
 
 void DriverHost::tell_driver(PortState& state, PortCore& port) {
   // The way to rest of an array is told joint by joint where the driver takes nothing else.
-  constexpr std::size_t one_joint = AnyCommand{std::in_place_type<actarray::SpeedCommand>}.index();
+  constexpr std::size_t one_joint = index_in<actarray::SpeedCommand>(AnyCommand::Messages{});
   const auto every_joint = [](const AnyCommand* command) {
     const auto* all = std::get_if<actarray::MultiSpeedCommand>(command);
     return all == nullptr ? nullptr : &all->speeds;

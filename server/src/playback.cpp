@@ -62,17 +62,15 @@ class Playback final : public Driver {
     port.interface = name.interface;
     port.key = name.key;
     Device& device = devices_.emplace_back(Device{.port = &port, .answers = {}});
-    [&]<typename... Ms>(std::type_identity<std::variant<Ms...>>) {
-      (answer_request<Ms>(device), ...);
-    }(std::type_identity<AnyRequest>{});
+    for_each_message(AnyRequest::Messages{},
+                     [&]<typename M>(std::size_t alternative) { answer_request<M>(device, alternative); });
   }
 
   template <RequestType M>
-  static void answer_request(Device& device) {
+  static void answer_request(Device& device, std::size_t alternative) {
     if constexpr (field_count<typename M::Reply> > 0) {
       if (M::message.interface != device.port->interface) return;
-      device.port->requests[AnyRequest{std::in_place_type<M>}.index()] = [&device](const AnyRequest&,
-                                                                                   const ReplyTo& to) {
+      device.port->requests[alternative] = [&device](const AnyRequest&, const ReplyTo& to) {
         const auto known = std::ranges::find(device.answers, M::message.subtype, [](const auto& a) { return a.first; });
         Reply reply{.to = to, .port = device.port->number};
         if (known != device.answers.end()) {

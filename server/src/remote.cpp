@@ -15,13 +15,6 @@ constexpr Duration timeout = 1500ms;
 constexpr Duration keep_alive_interval = 50ms;
 constexpr std::size_t most_questions = 64;
 
-template <typename Variant, typename Visit>
-void for_each_alternative(Visit&& visit) {
-  [&]<typename... Ms>(std::type_identity<std::variant<Ms...>>) {
-    (visit.template operator()<Ms>(Variant{std::in_place_type<Ms>}.index()), ...);
-  }(std::type_identity<Variant>{});
-}
-
 player::DeviceAddress on_wire(client::Address address) {
   return {.interface = address.interface, .index = address.index};
 }
@@ -52,11 +45,11 @@ void Remote::add(Setup& setup, client::Address address) {
   port.interface = address.interface;
   port.index = address.index;
   Device& device = devices_.emplace_back(Device{.port = &port, .address = address});
-  for_each_alternative<AnyCommand>([&]<typename M>(std::size_t alternative) {
+  for_each_message(AnyCommand::Messages{}, [&]<typename M>(std::size_t alternative) {
     if (M::message.interface != address.interface) return;
     port.commands[alternative] = [this, &device](const AnyCommand& command) { return send(device, command); };
   });
-  for_each_alternative<AnyRequest>([&]<typename M>(std::size_t alternative) {
+  for_each_message(AnyRequest::Messages{}, [&]<typename M>(std::size_t alternative) {
     if (M::message.interface != address.interface) return;
     port.requests[alternative] = [this, &device](const AnyRequest& request, const ReplyTo& to) {
       ask({.port = device.port, .to = device.address, .request = request, .reply_to = to});

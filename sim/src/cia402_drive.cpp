@@ -16,20 +16,24 @@ constexpr unsigned switch_on = 1, enable_voltage = 2, no_quick_stop = 4, enable_
 
 }  // namespace
 
-Cia402Drive::Cia402Drive(const Cia402DriveParameters& parameters)
-    : parameters_{parameters}, until_ready_{parameters.self_test} {
+Cia402Drive::Cia402Drive(const Cia402DriveParameters& parameters) : until_ready_{parameters.self_test} {
+  configure(parameters);
+}
+
+void Cia402Drive::configure(const Cia402DriveParameters& parameters) {
   require_positive("max_speed_rpm", parameters.max_speed_rpm);
   require_positive("accel_rpm_per_s", parameters.accel_rpm_per_s);
   require_positive("decel_rpm_per_s", parameters.decel_rpm_per_s);
   require_positive("quick_stop_rpm_per_s", parameters.quick_stop_rpm_per_s);
   require_positive("coast_rpm_per_s", parameters.coast_rpm_per_s);
+  parameters_ = parameters;
 }
 
-void Cia402Drive::write(std::uint16_t controlword, std::int32_t target_rpm) {
+void Cia402Drive::write(std::uint16_t controlword, double target_rpm) {
   const unsigned word = controlword;
   const bool reset_rises = (word & reset) != 0 && (controlword_ & reset) == 0;
   controlword_ = controlword;
-  target_rpm_ = std::clamp(static_cast<double>(target_rpm), -parameters_.max_speed_rpm, parameters_.max_speed_rpm);
+  target_rpm_ = std::clamp(target_rpm, -parameters_.max_speed_rpm, parameters_.max_speed_rpm);
 
   if (state_ == fault && reset_rises) {
     state_ = switch_on_disabled;
@@ -89,33 +93,8 @@ void Cia402Drive::fail(std::uint16_t error_code) {
 }
 
 std::uint16_t Cia402Drive::statusword() const {
-  // CiA 402-2, 8.4.2. Bit 5 is "no quick stop"; 9 remote; 10 target reached; 12 in profile velocity mode: speed is 0.
-  unsigned word = 0x0200;
-  switch (state_) {
-    case not_ready_to_switch_on:
-      break;
-    case switch_on_disabled:
-      word |= 0x0040;
-      break;
-    case ready_to_switch_on:
-      word |= 0x0031;
-      break;
-    case switched_on:
-      word |= 0x0033;
-      break;
-    case operation_enabled:
-      word |= 0x0037;
-      break;
-    case quick_stop_active:
-      word |= 0x0017;
-      break;
-    case fault_reaction_active:
-      word |= 0x000F;
-      break;
-    case fault:
-      word |= 0x0008;
-      break;
-  }
+  // CiA 402-2, 8.4.2. Bit 9 remote; 10 target reached; 12 in profile velocity mode: speed is 0.
+  unsigned word = 0x0200U | canopen::cia402_statusword(state_);
   const double target = (controlword_ & halt) != 0 ? 0 : target_rpm_;
   if (state_ == operation_enabled && speed_rpm_ == target) word |= 0x0400;
   if (speed_rpm_ == 0) word |= 0x1000;
@@ -123,7 +102,10 @@ std::uint16_t Cia402Drive::statusword() const {
 }
 
 void Cia402Drive::ramp(double to_rpm, double rpm_per_s, double dt_s) {
+  const double before_rpm = speed_rpm_;
+  const double ramp_s = std::min(dt_s, std::abs(to_rpm - speed_rpm_) / rpm_per_s);
   speed_rpm_ += std::clamp(to_rpm - speed_rpm_, -rpm_per_s * dt_s, rpm_per_s * dt_s);
+  turns_ += ((before_rpm + speed_rpm_) / 2 * ramp_s + speed_rpm_ * (dt_s - ramp_s)) / 60;
 }
 
 }  // namespace regista::sim

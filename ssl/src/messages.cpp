@@ -8,6 +8,19 @@
 
 namespace regista::ssl {
 
+Point3d position(const CameraCalibration& camera) {
+  // Turn -t back by the quaternion's conjugate: v + 2 q × (q × v + w v), with q = -(x, y, z).
+  const auto& [x, y, z, w] = camera.rotation;
+  const auto cross = [](const Point3d& a, const Point3d& b) {
+    return Point3d{.x = a.y * b.z - a.z * b.y, .y = a.z * b.x - a.x * b.z, .z = a.x * b.y - a.y * b.x};
+  };
+  const Point3d v{.x = -camera.translation.x, .y = -camera.translation.y, .z = -camera.translation.z};
+  const Point3d q{.x = -x, .y = -y, .z = -z};
+  const Point3d u = cross(q, v);
+  const Point3d twice = cross(q, {.x = u.x + w * v.x, .y = u.y + w * v.y, .z = u.z + w * v.z});
+  return {.x = v.x + 2 * twice.x, .y = v.y + 2 * twice.y, .z = v.z + 2 * twice.z};
+}
+
 namespace {
 
 constexpr double mm = 0.001;
@@ -30,6 +43,8 @@ std::vector<std::byte> serialise(const Message& message) {
 
 double share(float value) { return value >= 0 && value <= 1 ? value : 0; }
 
+double finite(float value) { return std::isfinite(value) ? value : 0; }
+
 bool is_on_earth(double x_m, double y_m) { return std::abs(x_m) < farthest_m && std::abs(y_m) < farthest_m; }
 
 template <typename Robots>
@@ -47,7 +62,10 @@ void take_robots(const Robots& robots, Team team, Detection& out) {
                           .x_m = x,
                           .y_m = y,
                           .heading_rad = has_heading ? std::optional{wrap_angle(robot.heading_rad())} : std::nullopt,
-                          .confidence = share(robot.confidence())});
+                          .confidence = share(robot.confidence()),
+                          .pixel_x = finite(robot.pixel_x()),
+                          .pixel_y = finite(robot.pixel_y()),
+                          .height_m = finite(robot.height_mm()) * mm});
   }
 }
 
@@ -71,7 +89,13 @@ bool take_detection(const proto::DetectionFrame& frame, Detection& out) {
     if (!ball.has_x_mm() || !ball.has_y_mm() || !is_on_earth(x, y) || !is_on_earth(z, 0)) {
       ++out.unusable;
     } else {
-      out.balls.push_back({.x_m = x, .y_m = y, .z_m = z, .confidence = share(ball.confidence())});
+      out.balls.push_back({.x_m = x,
+                           .y_m = y,
+                           .z_m = z,
+                           .confidence = share(ball.confidence()),
+                           .pixel_x = finite(ball.pixel_x()),
+                           .pixel_y = finite(ball.pixel_y()),
+                           .area_px = ball.area_px()});
     }
   }
   return true;
@@ -87,6 +111,11 @@ bool take_field(const std::string& bytes, Geometry& out) {
     out.length_m = field.length_mm() * mm;
     out.width_m = field.width_mm() * mm;
     out.boundary_m = field.boundary_mm() * mm;
+    out.goal_width_m = field.goal_width_mm() * mm;
+    out.goal_depth_m = field.goal_depth_mm() * mm;
+    out.defence_depth_m = field.penalty_area_depth_mm() * mm;
+    out.defence_width_m = field.penalty_area_width_mm() * mm;
+    out.circle_radius_m = field.centre_circle_radius_mm() * mm;
     out.is_2010 = false;
     return true;
   }
@@ -95,14 +124,52 @@ bool take_field(const std::string& bytes, Geometry& out) {
   out.length_m = old.length_mm() * mm;
   out.width_m = old.width_mm() * mm;
   out.boundary_m = old.boundary_mm() * mm;
+  out.goal_width_m = old.goal_width_mm() * mm;
+  out.goal_depth_m = old.goal_depth_mm() * mm;
+  out.defence_depth_m = out.defence_width_m = out.circle_radius_m = 0;
   out.is_2010 = true;
   return true;
+}
+
+CameraCalibration to_calibration(const proto::CameraCalibration& in) {
+  return {.camera = in.camera(),
+          .focal_px = finite(in.focal_length_px()),
+          .principal_x_px = finite(in.principal_x_px()),
+          .principal_y_px = finite(in.principal_y_px()),
+          .distortion = finite(in.distortion()),
+          .rotation = {finite(in.q0()), finite(in.q1()), finite(in.q2()), finite(in.q3())},
+          .translation = {.x = finite(in.tx_mm()) * mm, .y = finite(in.ty_mm()) * mm, .z = finite(in.tz_mm()) * mm},
+          .width_px = in.image_width_px(),
+          .height_px = in.image_height_px()};
+}
+
+void put(const CameraCalibration& camera, proto::CameraCalibration& out) {
+  const auto& [x, y, z, w] = camera.rotation;
+  const Point3d& t = camera.translation;
+  out.set_camera(camera.camera);
+  out.set_focal_length_px(static_cast<float>(camera.focal_px));
+  out.set_principal_x_px(static_cast<float>(camera.principal_x_px));
+  out.set_principal_y_px(static_cast<float>(camera.principal_y_px));
+  out.set_distortion(static_cast<float>(camera.distortion));
+  out.set_q0(static_cast<float>(x));
+  out.set_q1(static_cast<float>(y));
+  out.set_q2(static_cast<float>(z));
+  out.set_q3(static_cast<float>(w));
+  out.set_tx_mm(static_cast<float>(t.x / mm));
+  out.set_ty_mm(static_cast<float>(t.y / mm));
+  out.set_tz_mm(static_cast<float>(t.z / mm));
+  const Point3d place = position(camera);
+  out.set_world_x_mm(static_cast<float>(place.x / mm));
+  out.set_world_y_mm(static_cast<float>(place.y / mm));
+  out.set_world_z_mm(static_cast<float>(place.z / mm));
+  out.set_image_width_px(camera.width_px);
+  out.set_image_height_px(camera.height_px);
 }
 
 bool take_geometry(const proto::GeometryData& data, Geometry& out) {
   if (!take_field(data.field(), out)) return false;
   out.cameras.clear();
-  for (const proto::CameraCalibration& camera : data.cameras()) out.cameras.push_back(camera.camera());
+  for (const proto::CameraCalibration& camera : data.cameras()) out.cameras.push_back(to_calibration(camera));
   out.rolling_mps2.reset();
   const proto::RollingModel& model = data.models().straight();
   // The league writes it as an acceleration, hence below 0.
@@ -157,8 +224,9 @@ std::vector<std::byte> encode(const VisionPacket& packet) {
       out.set_x_mm(static_cast<float>(ball.x_m / mm));
       out.set_y_mm(static_cast<float>(ball.y_m / mm));
       if (ball.z_m != 0) out.set_z_mm(static_cast<float>(ball.z_m / mm));
-      out.set_pixel_x(0);  // required by others
-      out.set_pixel_y(0);
+      out.set_pixel_x(static_cast<float>(ball.pixel_x));
+      out.set_pixel_y(static_cast<float>(ball.pixel_y));
+      if (ball.area_px != 0) out.set_area_px(ball.area_px);
     }
     for (const DetectedRobot& robot : packet.detection->robots) {
       proto::DetectedRobot& out = robot.id.team == Team::yellow ? *frame.add_yellow() : *frame.add_blue();
@@ -167,8 +235,9 @@ std::vector<std::byte> encode(const VisionPacket& packet) {
       out.set_x_mm(static_cast<float>(robot.x_m / mm));
       out.set_y_mm(static_cast<float>(robot.y_m / mm));
       if (robot.heading_rad) out.set_heading_rad(static_cast<float>(*robot.heading_rad));
-      out.set_pixel_x(0);
-      out.set_pixel_y(0);
+      out.set_pixel_x(static_cast<float>(robot.pixel_x));
+      out.set_pixel_y(static_cast<float>(robot.pixel_y));
+      if (robot.height_m != 0) out.set_height_mm(static_cast<float>(robot.height_m / mm));
     }
   }
   if (packet.geometry) {
@@ -176,10 +245,16 @@ std::vector<std::byte> encode(const VisionPacket& packet) {
     proto::FieldSize field;
     field.set_length_mm(to_mm(packet.geometry->length_m));
     field.set_width_mm(to_mm(packet.geometry->width_m));
-    field.set_goal_width_mm(1000);
-    field.set_goal_depth_mm(180);
+    field.set_goal_width_mm(to_mm(packet.geometry->goal_width_m));
+    field.set_goal_depth_mm(to_mm(packet.geometry->goal_depth_m));
     field.set_boundary_mm(to_mm(packet.geometry->boundary_m));
+    if (packet.geometry->defence_depth_m > 0) field.set_penalty_area_depth_mm(to_mm(packet.geometry->defence_depth_m));
+    if (packet.geometry->defence_width_m > 0) field.set_penalty_area_width_mm(to_mm(packet.geometry->defence_width_m));
+    if (packet.geometry->circle_radius_m > 0)
+      field.set_centre_circle_radius_mm(to_mm(packet.geometry->circle_radius_m));
     message.mutable_geometry()->set_field(field.SerializeAsString());
+    for (const CameraCalibration& camera : packet.geometry->cameras)
+      put(camera, *message.mutable_geometry()->add_cameras());
     if (packet.geometry->rolling_mps2)
       message.mutable_geometry()->mutable_models()->mutable_straight()->set_roll_mps2(-*packet.geometry->rolling_mps2);
   }

@@ -38,21 +38,6 @@ int set_option(int socket, int level, int option, const T& value) {
   return ::setsockopt(socket, level, option, &value, sizeof value);
 }
 
-/// Interfaces with an IPv4 address that are up and can multicast, without lo.
-std::vector<std::string> multicast_interfaces() {
-  std::vector<std::string> names;
-  ifaddrs* list = nullptr;
-  if (::getifaddrs(&list) != 0) return names;
-  for (const ifaddrs* i = list; i != nullptr; i = i->ifa_next) {
-    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET) continue;
-    constexpr unsigned needed = IFF_UP | IFF_MULTICAST;
-    if ((i->ifa_flags & needed) != needed || (i->ifa_flags & IFF_LOOPBACK) != 0) continue;
-    if (std::ranges::find(names, i->ifa_name) == names.end()) names.emplace_back(i->ifa_name);
-  }
-  ::freeifaddrs(list);
-  return names;
-}
-
 }  // namespace
 
 Descriptor::Descriptor(Descriptor&& other) noexcept : number_{std::exchange(other.number_, -1)} {}
@@ -150,6 +135,20 @@ MulticastSender::MulticastSender(const Group& group, const std::string& interfac
 Result<> MulticastSender::send(std::span<const std::byte> datagram) {
   if (::send(socket_.get(), datagram.data(), datagram.size(), 0) >= 0) return {};
   return Error{std::error_code{errno, std::generic_category()}, "send"};
+}
+
+std::vector<std::string> multicast_interfaces() {
+  std::vector<std::string> names;
+  ifaddrs* list = nullptr;
+  if (::getifaddrs(&list) != 0) return names;
+  for (const ifaddrs* i = list; i != nullptr; i = i->ifa_next) {
+    if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET) continue;
+    constexpr unsigned needed = IFF_UP | IFF_MULTICAST;
+    if ((i->ifa_flags & needed) != needed || (i->ifa_flags & IFF_LOOPBACK) != 0) continue;
+    if (std::ranges::find(names, i->ifa_name) == names.end()) names.emplace_back(i->ifa_name);
+  }
+  ::freeifaddrs(list);
+  return names;
 }
 
 std::string interface_name_of(int index) {

@@ -6,9 +6,10 @@ namespace regista {
 namespace {
 
 using Message = std::variant<int, std::vector<int>, std::vector<double>>;
+using Kinds = TypeList<int, std::vector<int>, std::vector<double>>;
 
 TEST(Spares, gives_back_the_memory_of_a_place_that_changed_its_kind) {
-  Spares<Message> spares;
+  Spares<Message, Kinds> spares;
   Message place;
   spares.assign(place, std::vector<int>{1, 2, 3});
   const int* memory = std::get<std::vector<int>>(place).data();
@@ -21,7 +22,7 @@ TEST(Spares, gives_back_the_memory_of_a_place_that_changed_its_kind) {
 }
 
 TEST(Spares, writes_over_a_message_of_the_same_kind) {
-  Spares<Message> spares;
+  Spares<Message, Kinds> spares;
   Message place = std::vector<int>{1, 2, 3};
   const int* memory = std::get<std::vector<int>>(place).data();
   spares.assign(place, std::vector<int>{9});
@@ -30,7 +31,7 @@ TEST(Spares, writes_over_a_message_of_the_same_kind) {
 }
 
 TEST(Spares, are_shared_by_the_places_of_a_queue) {
-  Spares<Message> spares;
+  Spares<Message, Kinds> spares;
   std::array<Message, 3> places;
   for (int round = 0; round < 100; ++round) {
     for (std::size_t i = 0; i < places.size(); ++i) {

@@ -45,6 +45,9 @@ class Bench {
     cycle();
   }
 
+  /// To the last request; it may come later than ask() returned.
+  [[nodiscard]] const std::optional<Result<AnyReply>>& last_reply() const { return reply_; }
+
   /// Repeat a set-point often enough for its lease.
   template <CommandType M>
   void drive(const M& command, Duration duration) {

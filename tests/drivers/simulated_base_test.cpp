@@ -138,6 +138,19 @@ TEST(SimulatedBase, repeats_its_noise_with_the_seed_and_only_then) {
   EXPECT_NE(run("7").velocity, run("8").velocity);
 }
 
+TEST(SimulatedBase, odometry_drifts_away_from_the_truth) {
+  Bench bench = base("drift 0.1 turn_drift 0.1 time_constant 0 motor_accel 1e6");
+  drive(bench, {.x = 1}, 2s);
+  Pose2d truth;
+  Pose2d odometry;
+  for (const Sample& sample : bench.samples()) {
+    if (const auto* state = std::get_if<State>(&sample.data)) (sample.port == 1 ? truth : odometry) = state->pose;
+  }
+  EXPECT_NEAR(truth.x, 2, 0.011);
+  EXPECT_EQ(truth.y, 0);
+  EXPECT_GT(distance(truth, odometry), 0.02);
+}
+
 TEST(SimulatedBase, publishes_a_velocity_with_the_noise_that_is_asked_for) {
   Bench bench = base();
   ASSERT_TRUE(bench.ask(property::SetDouble{.key = Text{"noise"}, .value = 0.2}));
@@ -145,6 +158,7 @@ TEST(SimulatedBase, publishes_a_velocity_with_the_noise_that_is_asked_for) {
   double squares = 0;
   int count = 0;
   for (const Sample& sample : bench.samples()) {
+    if (sample.port != 0) continue;  // the truth has no noise
     const auto* state = std::get_if<State>(&sample.data);
     squares += state->velocity.x * state->velocity.x;
     ++count;

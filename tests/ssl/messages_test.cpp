@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <initializer_list>
@@ -61,6 +62,56 @@ TEST(VisionPacket, is_read_as_the_league_writes_it) {
   EXPECT_DOUBLE_EQ(frame.robots[0].y_m, 1.0);
   EXPECT_EQ(frame.robots[0].heading_rad, 1.5);
   EXPECT_EQ(frame.unusable, 1U);
+}
+
+TEST(VisionPacket, carries_how_a_camera_sees_the_field) {
+  VisionPacket packet;
+  packet.detection =
+      Detection{.robots = {{.id = {Team::yellow, 3}, .pixel_x = 100.5, .pixel_y = 20.25, .height_m = 0.15}},
+                .balls = {{.x_m = 1, .pixel_x = 3, .pixel_y = 4, .area_px = 27}}};
+  // Turned by 90° about z, and then upside down about x: q = (1, 0, 0, 0) (0, 0, ½√2, ½√2).
+  const double half = std::sqrt(0.5);
+  packet.geometry = Geometry{.length_m = 9,
+                             .width_m = 6,
+                             .goal_width_m = 1.8,
+                             .defence_depth_m = 1,
+                             .defence_width_m = 2,
+                             .circle_radius_m = 0.5,
+                             .cameras = {{.camera = 5,
+                                          .focal_px = 560.5,
+                                          .principal_x_px = 390,
+                                          .principal_y_px = 290,
+                                          .distortion = 0.0625,
+                                          .rotation = {half, -half, 0, 0},
+                                          .translation = {.x = 0.5, .y = -0.25, .z = 4},
+                                          .width_px = 780,
+                                          .height_px = 580}}};
+  VisionDecoder decoder;
+  const auto again = decoder.decode(encode(packet));
+  ASSERT_TRUE(again);
+  const Detection& frame = *(*again)->detection;
+  EXPECT_EQ(frame.robots[0].pixel_x, 100.5);
+  EXPECT_EQ(frame.robots[0].pixel_y, 20.25);
+  EXPECT_NEAR(frame.robots[0].height_m, 0.15, 1e-9);
+  EXPECT_EQ(frame.balls[0].pixel_x, 3);
+  EXPECT_EQ(frame.balls[0].area_px, 27U);
+  const Geometry& geometry = *(*again)->geometry;
+  EXPECT_EQ(geometry.goal_width_m, 1.8);
+  EXPECT_EQ(geometry.defence_width_m, 2);
+  EXPECT_EQ(geometry.circle_radius_m, 0.5);
+  ASSERT_EQ(geometry.cameras.size(), 1U);
+  const CameraCalibration& camera = geometry.cameras[0];
+  EXPECT_EQ(camera.camera, 5U);
+  EXPECT_EQ(camera.focal_px, 560.5);
+  EXPECT_EQ(camera.distortion, 0.0625);
+  EXPECT_NEAR(camera.rotation[1], -half, 1e-7);
+  EXPECT_EQ(camera.width_px, 780U);
+  EXPECT_EQ(camera.height_px, 580U);
+  // The camera's x is the field's -y, its y the field's -x, its z looks down: so (0.5, -0.25, 4) seen from it is this.
+  const Point3d place = position(camera);
+  EXPECT_NEAR(place.x, -0.25, 1e-6);
+  EXPECT_NEAR(place.y, 0.5, 1e-6);
+  EXPECT_NEAR(place.z, 4, 1e-6);
 }
 
 TEST(VisionPacket, survives_encoding) {

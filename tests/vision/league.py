@@ -235,8 +235,9 @@ class Robots:
 class Bridge:
     """regista-vision-bridge on lo, on ports of its own. robots: [(team, id, port)], or with the device's index."""
 
-    def __init__(self, folder, robots, keys="", arguments=()):
+    def __init__(self, folder, robots, keys="", arguments=(), vision_port=None):
         self.vision_port, self.referee_port, self.tracked_port = (free_udp_port() for _ in range(3))
+        self.vision_port = vision_port or self.vision_port
         config = folder / "bridge.cfg"
         lines = [
             f'vision ( interfaces ["lo"] port {self.vision_port} referee_port {self.referee_port}',

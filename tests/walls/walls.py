@@ -29,7 +29,9 @@ MAY_INCLUDE = {
     "client/cpp": ["xdr", "interfaces", "core"],
     "server": ["device", "xdr", "interfaces", "core", "client/cpp", "metrics"],
     "testing": ["server", "client/cpp", "device", "xdr", "interfaces", "core", "metrics"],
-    "vision_bridge": ["ssl", "control", "core"],
+    "vision_bridge": ["ssl", "control", "device", "interfaces", "core"],
+    "camera": ["ssl", "core"],
+    "soccer": ["vision_bridge", "client/cpp", "xdr", "ssl", "control", "device", "interfaces", "core"],
 }
 
 # Header prefix: the folders that may name it. No public header of core, interfaces or device is among them.
@@ -38,13 +40,13 @@ HOMES = {
     "asio": ["server", "client/cpp", "ssl", "vision_bridge", "testing", "drivers", "programs"],
     "linux/can": ["canopen/src"],
     "google/protobuf": ["ssl"],
-    "opencv2/": ["programs"],
+    "opencv2/": ["camera"],
     "gps.h": ["drivers"],
     "GeographicLib/": ["drivers"],
-    "spdlog/": ["server", "programs", "vision_bridge"],
-    "fmt/": ["server", "programs", "vision_bridge"],
-    "CLI/": ["server", "programs", "vision_bridge"],
-    "nlohmann/": ["metrics/src", "server", "programs", "vision_bridge"],
+    "spdlog/": ["server", "programs", "vision_bridge", "camera"],
+    "fmt/": ["server", "programs", "vision_bridge", "camera"],
+    "CLI/": ["server", "programs", "vision_bridge", "camera"],
+    "nlohmann/": ["metrics/src", "server", "programs", "vision_bridge", "camera"],
     "pybind11/": ["client/python"],
 }
 STD_ONLY = ["core/include", "interfaces/include", "device/include"]

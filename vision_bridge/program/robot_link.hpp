@@ -7,8 +7,8 @@
 #include <functional>
 #include <regista/client/connection.hpp>
 #include <regista/core/geometry.hpp>
+#include <regista/vision/config.hpp>
 
-#include "config.hpp"
 
 namespace regista::vision {
 

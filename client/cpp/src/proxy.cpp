@@ -75,6 +75,11 @@ std::optional<player::Motion> ProxyBase::motion(std::string_view group) {
   return motion;
 }
 
+const player::Motion* ProxyBase::told_motion(std::string_view group) const {
+  const auto known = motions_.find(group);
+  return known == motions_.end() ? nullptr : &known->second;
+}
+
 void ProxyBase::take(std::string_view group, bool blend) {
   if (!connection().extended()) return;
   (void)ask(server_address, player::Take{.address = wire_address(), .group = group, .blend = blend});

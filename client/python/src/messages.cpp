@@ -219,7 +219,7 @@ template <typename Any>
 const std::unordered_map<PyObject*, Reader<Any>>& readers() {
   static const auto table = [] {
     std::unordered_map<PyObject*, Reader<Any>> map;
-    const auto add = [&]<typename M>(std::type_identity<M>) {
+    for_each_message(typename Any::Messages{}, [&]<typename M>(std::size_t) {
       if constexpr (has_class<M>) {
         map[class_of<M>()] = [](const py::handle& object) -> Any {
           M message;
@@ -228,10 +228,7 @@ const std::unordered_map<PyObject*, Reader<Any>>& readers() {
           return message;
         };
       }
-    };
-    [&]<typename... Ms>(std::type_identity<std::variant<Ms...>>) {
-      (add(std::type_identity<Ms>{}), ...);
-    }(std::type_identity<Any>{});
+    });
     return map;
   }();
   return table;

@@ -26,6 +26,11 @@ sim::SimpleBaseParameters read_parameters(const Section& config, std::uint64_t s
           .seed = seed};
 }
 
+sim::SimpleBaseParameters without_noise(sim::SimpleBaseParameters parameters) {
+  parameters.noise_m_per_root_m = parameters.noise_rad_per_root_m = parameters.noise_rad_per_root_rad = 0;
+  return parameters;
+}
+
 Size3d read_size(const Section& config) {
   if (!config.has("size")) return {.width = 0.18, .length = 0.18, .height = 0.15};
   const auto size = config.lengths("size", {.min = 0.01});
@@ -49,11 +54,13 @@ double approach(double way, double limit, double deceleration, double lag_s) {
 
 SimulatedBase::SimulatedBase(Setup& setup)
     : port_{setup.provide<Position2d>()},
+      truth_port_{setup.provide<Position2d>("truth")},
       noise_{setup.property<double>("noise", setup.config.number("noise", 0, {.min = 0, .max = max_noise}),
                                     {.min = 0, .max = max_noise})},
       random_{static_cast<std::uint64_t>(setup.config.integer("seed", 1))},
       parameters_{read_parameters(setup.config, random_.fork())},
       base_{parameters_},
+      truth_{without_noise(parameters_)},
       size_{read_size(setup.config)} {
   accept<position2d::VelocityCommand>();
   accept<position2d::PositionCommand>();
@@ -125,12 +132,16 @@ BodyVelocity SimulatedBase::wanted(const position2d::VelocityHeadingCommand& com
 }
 
 Result<> SimulatedBase::read(const Tick& tick) {
-  base_.command(std::visit([this](const auto& command) { return wanted(command); }, target_));
-  base_.step(tick.dt);
+  const BodyVelocity velocity = std::visit([this](const auto& command) { return wanted(command); }, target_);
+  for (sim::SimpleBase* base : {&base_, &truth_}) {
+    base->command(velocity);
+    base->step(tick.dt);
+  }
   return {};
 }
 
 void SimulatedBase::publish() {
+  truth_port_.send(position2d::State{.pose = truth_.state().pose, .velocity = truth_.state().velocity});
   BodyVelocity velocity = base_.state().velocity;
   velocity.x += random_.normal(*noise_);
   velocity.y += random_.normal(*noise_);
@@ -140,8 +151,10 @@ void SimulatedBase::publish() {
 
 void SimulatedBase::halt() noexcept {
   target_ = position2d::VelocityCommand{};
-  base_.command({});
-  base_.place(base_.state().pose);
+  for (sim::SimpleBase* base : {&base_, &truth_}) {
+    base->command({});
+    base->place(base->state().pose);
+  }
 }
 
 }  // namespace regista

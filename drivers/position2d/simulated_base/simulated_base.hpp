@@ -10,6 +10,9 @@ namespace regista {
 
 /// A base that exists only here: a first-order answer to its commands, limits, and noise that a seed repeats.
 ///
+/// `position2d:0` is the base as its wheels see it. "truth:::position2d:1" is where it really is, in the field, for
+/// simulated sensors and for whoever wants to compare; it takes no commands.
+///
 /// | Key                 | Value                                                                     | Default      |
 /// |---------------------|---------------------------------------------------------------------------|--------------|
 /// | `holonomic`         | boolean; no: a differential base, which cannot go sideways                | yes          |
@@ -19,8 +22,8 @@ namespace regista {
 /// | `motor_accel`       | [length/s²] that the motors can do                                        | 3 m/s²       |
 /// | `motor_turn_accel`  | [angle/s²] that the motors can do                                         | 20 rad/s²    |
 /// | `size`              | [length width height]                                                     | 0.18 0.18 0.15 m
-/// | | `drift`             | [m] sd of the way's random walk after one metre                           | 0            |
-/// | `turn_drift`        | [rad] sd of the heading's random walk after one metre, or one radian turned | 0          |
+/// | `drift`             | [m] sd of the odometry's random walk after one metre                      | 0            |
+/// | `turn_drift`        | [rad] sd of its heading's random walk after one metre, or one radian turned | 0          |
 /// | `noise`             | sd of the published velocity [m/s, rad/s]; also a property, within [0, 1] | 0            |
 /// | `seed`              | whole number                                                              | 1            |
 class SimulatedBase final : public Driver {
@@ -45,10 +48,12 @@ class SimulatedBase final : public Driver {
   Result<Empty> set_odometry(const Pose2d& pose);
 
   Port<Position2d> port_;
+  Port<Position2d> truth_port_;
   Property<double> noise_;
   sim::Random random_;
   sim::SimpleBaseParameters parameters_;
   sim::SimpleBase base_;
+  sim::SimpleBase truth_;
   Size3d size_;
   Pose2d odometry_from_field_;
   Target target_;

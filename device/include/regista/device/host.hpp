@@ -102,13 +102,13 @@ class DriverHost {
  private:
   struct PortState {
     std::vector<MotionGroup> groups;
-    std::array<std::uint8_t, std::variant_size_v<AnyCommand>> group_of{};  ///< index into groups
+    std::array<std::uint8_t, AnyCommand::size> group_of{};  ///< index into groups
     std::set<std::pair<Link*, SessionId>> subscribers;
     Throttle refusals{std::chrono::seconds{5}};
   };
   struct Channel {
     Link link;
-    std::vector<std::array<std::size_t, std::variant_size_v<AnyCommand>>> command_lanes;  ///< by port
+    std::vector<std::array<std::size_t, AnyCommand::size>> command_lanes;  ///< by port
     std::deque<Outbound> backlog;  ///< replies and events that found the queue full
     bool dirty = false;
   };

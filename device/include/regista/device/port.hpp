@@ -20,12 +20,12 @@ struct PortCore {
   std::size_t number = 0;  ///< among the driver's ports
   bool sensor = false;     ///< its commands are measurements, whatever the .cfg says
 
-  std::array<CommandHandler, std::variant_size_v<AnyCommand>> commands;
-  std::array<RequestHandler, std::variant_size_v<AnyRequest>> requests;
+  std::array<CommandHandler, AnyCommand::size> commands;
+  std::array<RequestHandler, AnyRequest::size> requests;
 
   /// The host's: which links want this port's data, and the lane of each data message in them.
   std::vector<Link*> listeners;
-  std::array<std::size_t, std::variant_size_v<AnyData>> lanes{};
+  std::array<std::size_t, AnyData::size> lanes{};
   std::function<void(Reply&&)> reply;
   std::function<void(std::uint8_t severity, const std::string& text)> tell;
   std::function<void(const std::string& reason)> stop;
@@ -34,7 +34,7 @@ struct PortCore {
 
   template <DataType D>
   void send(const D& data, Time measured) {
-    constexpr std::size_t alternative = AnyData{std::in_place_type<D>}.index();
+    constexpr std::size_t alternative = index_in<D>(AnyData::Messages{});
     if constexpr (std::same_as<D, position2d::State>) last.velocity = data.velocity;
     if constexpr (std::same_as<D, position1d::State>) last.velocity.x = data.velocity;
     if constexpr (std::same_as<D, actarray::State>) {
@@ -102,7 +102,7 @@ class Port {
   template <CommandType M, typename Handle>
   void on(Handle handle) {
     static_assert(detail::contains<M, typename I::Messages>, "a command of another interface");
-    core_->commands[AnyCommand{std::in_place_type<M>}.index()] =
+    core_->commands[index_in<M>(AnyCommand::Messages{})] =
         [handle = std::move(handle)](const AnyCommand& command) mutable -> Result<> {
       if constexpr (std::is_void_v<std::invoke_result_t<Handle&, const M&>>) {
         handle(*std::get_if<M>(&command));
@@ -118,15 +118,15 @@ class Port {
   template <RequestType M, typename Handle>
   void on(Handle handle) {
     static_assert(detail::contains<M, typename I::Messages>, "a request of another interface");
-    core_->requests[AnyRequest{std::in_place_type<M>}.index()] =
-        [core = core_, handle = std::move(handle)](const AnyRequest& request, const ReplyTo& to) mutable {
-          Responder<typename M::Reply> responder{*core, to};
-          if constexpr (std::is_invocable_v<Handle&, const M&>) {
-            responder.answer(handle(*std::get_if<M>(&request)));
-          } else {
-            handle(*std::get_if<M>(&request), std::move(responder));
-          }
-        };
+    core_->requests[index_in<M>(AnyRequest::Messages{})] = [core = core_, handle = std::move(handle)](
+                                                               const AnyRequest& request, const ReplyTo& to) mutable {
+      Responder<typename M::Reply> responder{*core, to};
+      if constexpr (std::is_invocable_v<Handle&, const M&>) {
+        responder.answer(handle(*std::get_if<M>(&request)));
+      } else {
+        handle(*std::get_if<M>(&request), std::move(responder));
+      }
+    };
   }
 
   /// Publish to every subscriber. `measured`: when the data were true, unless that is now.

@@ -18,7 +18,7 @@ struct RequiredCore {
   std::size_t port = 0;   ///< which of the provider's ports
   SessionId session = 0;  ///< under which this driver commands
   const Wakeup* provider = nullptr;
-  std::array<std::size_t, std::variant_size_v<AnyCommand>> lanes{};
+  std::array<std::size_t, AnyCommand::size> lanes{};
 
   // The consumer's host's.
   Time now;                        ///< of its cycle: when what is sent is sent
@@ -27,7 +27,7 @@ struct RequiredCore {
   bool connected = false;
   bool commanded = false;  ///< something was sent since the subscription: it takes keep-alives
 
-  std::array<std::function<void(const AnyData&, Time)>, std::variant_size_v<AnyData>> data;
+  std::array<std::function<void(const AnyData&, Time)>, AnyData::size> data;
   std::map<std::uint32_t, std::function<void(const Result<AnyReply>&)>> waiting;  ///< requests by number
   std::uint32_t requests_sent = 0;
 
@@ -40,7 +40,7 @@ struct RequiredCore {
   }
   template <CommandType M>
   bool command(const M& command) {
-    return put(lanes[AnyCommand{std::in_place_type<M>}.index()], {}, [&](auto& place) {
+    return put(lanes[index_in<M>(AnyCommand::Messages{})], {}, [&](auto& place) {
       AnyCommand* any = std::get_if<AnyCommand>(&place);
       if (any == nullptr) any = &place.template emplace<AnyCommand>();
       spare_commands.assign(*any, command);
@@ -74,8 +74,8 @@ class Required {
   template <DataType D, typename Handle>
   void on_data(Handle handle) {
     static_assert(detail::contains<D, typename I::Messages>, "data of another interface");
-    core_->data[AnyData{std::in_place_type<D>}.index()] = [handle = std::move(handle)](const AnyData& data,
-                                                                                       Time measured) mutable {
+    core_->data[index_in<D>(AnyData::Messages{})] = [handle = std::move(handle)](const AnyData& data,
+                                                                                 Time measured) mutable {
       handle(*std::get_if<D>(&data), measured);
     };
   }

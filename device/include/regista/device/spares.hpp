@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <regista/interfaces/messages.hpp>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -15,25 +16,23 @@ namespace regista {
 ///
 /// Bounded by the queue: a message is made only when there is no spare one of its kind, and so there are never more
 /// than there are places. The producer's thread only.
-template <typename Variant>
+template <typename Variant, typename Messages = typename Variant::Messages>
 class Spares;
 
-template <typename... Ms>
-class Spares<std::variant<Ms...>> {
+template <typename Variant, typename... Ms>
+class Spares<Variant, TypeList<Ms...>> {
  public:
-  using Variant = std::variant<Ms...>;
-
   /// Write `message` to `place`, over whatever it held.
   template <typename M>
   void assign(Variant& place, const M& message) {
-    constexpr std::size_t kind = Variant{std::in_place_type<M>}.index();
+    constexpr std::size_t kind = index_in<M>(TypeList<Ms...>{});
     if (place.index() != kind) {
       Variant other{std::in_place_type<M>};
       if (!spares_[kind].empty()) {
         other = std::move(spares_[kind].back());
         spares_[kind].pop_back();
       }
-      place.swap(other);
+      std::swap(place, other);
       if (owns_memory[other.index()]) spares_[other.index()].push_back(std::move(other));
     }
     *std::get_if<M>(&place) = message;

@@ -27,6 +27,9 @@ class Ball {
   [[nodiscard]] double x_m() const { return x_m_; }
   [[nodiscard]] double y_m() const { return y_m_; }
   [[nodiscard]] double speed_mps() const { return speed_mps_; }
+  [[nodiscard]] FieldVelocity velocity() const {
+    return {.x = direction_x_ * speed_mps_, .y = direction_y_ * speed_mps_};
+  }
 
  private:
   BallParameters parameters_;

@@ -2,21 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <regista/canopen/cia402.hpp>
 #include <regista/core/time.hpp>
 
 namespace regista::sim {
 
-/// States of the power drive system, CiA 402-2, 8.4 (figure "PDS finite state automaton").
-enum class Cia402State : std::uint8_t {
-  not_ready_to_switch_on,
-  switch_on_disabled,
-  ready_to_switch_on,
-  switched_on,
-  operation_enabled,
-  quick_stop_active,
-  fault_reaction_active,
-  fault,
-};
+using canopen::Cia402State;
 
 struct Cia402DriveParameters {
   double max_speed_rpm = 6000;                          ///< 0x6080
@@ -36,8 +27,10 @@ class Cia402Drive {
   explicit Cia402Drive(const Cia402DriveParameters& parameters);
 
   /// As a PDO would bring them. The target is cut to max_speed_rpm.
-  void write(std::uint16_t controlword, std::int32_t target_rpm);
+  void write(std::uint16_t controlword, double target_rpm);
   void step(Duration dt);
+  /// Other limits and ramps. Throws as the constructor.
+  void configure(const Cia402DriveParameters& parameters);
   /// Something broke: the drive brakes and then stays in fault until bit 7 rises.
   void fail(std::uint16_t error_code);
 
@@ -45,6 +38,7 @@ class Cia402Drive {
   [[nodiscard]] std::uint16_t statusword() const;                         ///< 0x6041
   [[nodiscard]] std::uint16_t error_code() const { return error_code_; }  ///< 0x603F; 0: none
   [[nodiscard]] double speed_rpm() const { return speed_rpm_; }
+  [[nodiscard]] double turns() const { return turns_; }  ///< since the power came on
 
  private:
   void ramp(double to_rpm, double rpm_per_s, double dt_s);
@@ -56,6 +50,7 @@ class Cia402Drive {
   std::uint16_t error_code_ = 0;
   double target_rpm_ = 0;
   double speed_rpm_ = 0;
+  double turns_ = 0;
 };
 
 }  // namespace regista::sim

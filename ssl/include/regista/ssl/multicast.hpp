@@ -84,6 +84,9 @@ class MulticastSender {
   Descriptor socket_;
 };
 
+/// Interfaces with an IPv4 address that are up and can multicast, without lo.
+std::vector<std::string> multicast_interfaces();
+
 /// "eth0"; "?" when there is none of this index any more.
 std::string interface_name_of(int index);
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <algorithm>
-#include <array>
 #include <regista/interfaces/messages.hpp>
 #include <regista/xdr/codec.hpp>
 
@@ -16,31 +14,6 @@ constexpr std::uint32_t message_key(std::uint16_t interface, std::uint8_t subtyp
   return (std::uint32_t{subtype >= first_universal ? any_interface : interface} << 8) | subtype;
 }
 
-/// Where the messages of a variant stand in it, sorted by key.
-template <typename Variant>
-struct Index;
-template <typename... Ms>
-struct Index<std::variant<Ms...>> {
-  struct Entry {
-    std::uint32_t key;
-    std::size_t alternative;
-  };
-  static constexpr auto entries = [] {
-    std::array<Entry, sizeof...(Ms)> table{};
-    std::size_t i = 0;
-    ((table[i] = {message_key(Ms::message.interface, Ms::message.subtype), i}, ++i), ...);
-    std::ranges::sort(table, {}, &Entry::key);
-    return table;
-  }();
-  static_assert(std::ranges::adjacent_find(entries, {}, &Entry::key) == entries.end(), "two messages of one subtype");
-
-  static constexpr std::size_t find(std::uint16_t interface, std::uint8_t subtype) {
-    const std::uint32_t key = message_key(interface, subtype);
-    const auto* entry = std::ranges::lower_bound(entries, key, {}, &Entry::key);
-    return entry != entries.end() && entry->key == key ? entry->alternative : std::variant_npos;
-  }
-};
-
 }  // namespace detail
 
 /// "unknown interface 6", or "position2d has no command of subtype 9"
@@ -49,27 +22,14 @@ Error unknown_message(const Header& header);
 /// "position2d VEL"
 std::string message_title(std::uint16_t interface, const Message& message);
 
-/// Decode a body whose kind the variant is for (AnyData, AnyCommand, AnyRequest) into `out`. When `out` already holds
+/// Decode a body of a kind into `out`. When `out` already holds
 /// such a message its memory is used again. An error says which message, which field and which byte.
-template <typename Variant>
-Result<> decode_any(const Header& header, std::span<const std::byte> body, Variant& out) {
-  const std::size_t wanted = detail::Index<Variant>::find(header.address.interface, header.subtype);
-  const auto decode_as = [&]<typename M>() -> Result<> {
-    M* message = std::get_if<M>(&out);
-    if (message == nullptr) message = &out.template emplace<M>();
-    Result<> decoded = decode(body, *message);
-    if (decoded) return {};
-    return Error{decoded.error().code,
-                 message_title(header.address.interface, M::message) + ": " + decoded.error().what};
-  };
-  using Decode = Result<> (*)(const decltype(decode_as)&);
-  constexpr auto decoders = []<typename... Ms>(std::type_identity<std::variant<Ms...>>) {
-    return std::array<Decode, sizeof...(Ms)>{
-        [](const decltype(decode_as)& decoder) { return decoder.template operator()<Ms>(); }...};
-  }(std::type_identity<Variant>{});
-  if (wanted == std::variant_npos) return unknown_message(header);
-  return decoders[wanted](decode_as);
-}
+template <Kind kind>
+Result<> decode_any(const Header& header, std::span<const std::byte> body, Any<kind>& out);
+
+extern template Result<> decode_any(const Header& header, std::span<const std::byte> body, AnyData& out);
+extern template Result<> decode_any(const Header& header, std::span<const std::byte> body, AnyCommand& out);
+extern template Result<> decode_any(const Header& header, std::span<const std::byte> body, AnyRequest& out);
 
 /// Call `visit.template operator()<Body>()` with the struct that lays out the body of such a message. False: unknown.
 ///

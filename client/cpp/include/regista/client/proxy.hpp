@@ -56,6 +56,8 @@ class ProxyBase {
   /// Who drives, and why it stands: asks at first, and follows in read() from then on. Empty: a stock Player server,
   /// which does not tell.
   std::optional<player::Motion> motion(std::string_view group = "motion");
+  /// The same without asking: what the server has told on this connection. Null: nothing yet.
+  [[nodiscard]] const player::Motion* told_motion(std::string_view group = "motion") const;
   /// Drive from now on, taking over from an owner of at most this robot's priority. The group comes to rest first,
   /// unless `blend`. On a stock server everybody may drive, and this does nothing.
   void take(std::string_view group = "motion", bool blend = false);

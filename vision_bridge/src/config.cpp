@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "config.hpp"
-
 #include <algorithm>
 #include <array>
 #include <regista/device/config_file.hpp>
+#include <regista/vision/config.hpp>
 
 namespace regista::vision {
 
