@@ -18,7 +18,7 @@ import {
 import { color, FieldMap, type Tool } from "./map";
 import { Plots } from "./plots";
 import type { FromGateway, FromWorker, Point, ToWorker, Velocity } from "./protocol";
-import { type Robot, World } from "./robots";
+import { type Entry, type Robot, World } from "./robots";
 
 function element<T extends HTMLElement = HTMLElement>(id: string): T {
   return document.getElementById(id) as T;
@@ -133,7 +133,11 @@ function take(message: FromGateway): void {
       drawLog();
       if (message.t === "robot" && message.connected) suggestPlot();
       break;
+    case "stopped":
+      loseGrip();
+      break;
     case "event":
+    case "status":
       drawLog();
       break;
     case "mission":
@@ -349,14 +353,11 @@ function drawMapping(): void {
     const number = padMapping[name];
     const isAxis = (AXES as readonly string[]).includes(name);
     const has = isAxis ? (XBOX_AXES[number] ?? `axis ${number}`) : (XBOX_BUTTONS[number] ?? `button ${number}`);
-    const change = button(
-      padLearns === name ? (isAxis ? "move it …" : "press it …") : has,
-      `${PAD_NAMES[name]}: ${text}`,
-      () => {
-        padLearns = padLearns === name ? null : name;
-        drawMapping();
-      },
-    );
+    const text = padLearns !== name ? has : isAxis ? "move it …" : "press it …";
+    const change = button(text, `${PAD_NAMES[name]}: ${text}`, () => {
+      padLearns = padLearns === name ? null : name;
+      drawMapping();
+    });
     return [make("span", PAD_NAMES[name] as string), change];
   });
   const expo = make("input") as HTMLInputElement;
@@ -817,7 +818,11 @@ function drawHealth(robot: Robot | null, base: string | null): void {
   );
 }
 
+let drawn: Entry | undefined;
 function drawLog(): void {
+  const last = world.log[world.log.length - 1];
+  if (last === drawn) return;
+  drawn = last;
   const newest = [...world.log].reverse().slice(0, 60);
   element("log").replaceChildren(
     ...newest.map((entry) => {

@@ -74,6 +74,7 @@ export type FromGateway =
   | { t: "vision"; field?: Field; ball?: [x: number, y: number]; why: string }
   | { t: "recording"; files: string[]; bytes: number; dropped: number; trouble: string }
   | { t: "playable"; files: string[] }
+  | { t: "stopped" } // somebody pressed STOP: what is held counts no more
   | { t: "reply"; n: number; error: string | null }
   | { t: "alive"; n: number };
 

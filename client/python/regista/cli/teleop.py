@@ -30,9 +30,7 @@ def teleop(
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
     vision: Annotated[
         str | None,
-        typer.Option(
-            "--vision", metavar="HOST:PORT", help="Show field and ball: the vision bridge's status_port."
-        ),
+        typer.Option("--vision", metavar="HOST:PORT", help="Show field and ball: the vision bridge's status_port."),
     ] = None,
     folder: Annotated[
         Path, typer.Option("--recordings", metavar="FOLDER", help="Where recordings are written and played from.")

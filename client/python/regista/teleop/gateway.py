@@ -98,6 +98,7 @@ class Gateway:
         self._pilot: Page | None = None
         self._hosts: set[str] = set()
         self._closing = False  # whoever still holds something drives no more
+        self._deaf = False  # the same after STOP, until it is let go
         self._runner: web.AppRunner | None = None
 
     async def start(self, port: int) -> None:
@@ -221,6 +222,7 @@ class Gateway:
         self._pages.remove(page)
         if page is self._pilot:
             self._pilot = None
+            self._deaf = False
             self._abandon("the page was closed")
         self._tell_pilot()
 
@@ -240,11 +242,12 @@ class Gateway:
             message = json.loads(text)
             type_ = message["t"]
             if type_ == "drive":  # fifty times a second: no answer
-                if page is self._pilot and page.visible and not self._closing:
+                if page is self._pilot and page.visible and not (self._deaf or self._closing):
                     self._link(message).hold(message["device"], _velocity(message))
                 return
             if type_ == "release":
                 if page is self._pilot:
+                    self._deaf = False
                     for link in self._links.values():
                         link.let_go()
                 return
@@ -276,6 +279,8 @@ class Gateway:
     async def _do(self, page: Page, message: dict[str, Any]) -> None:
         type_ = message["t"]
         if type_ == "stop":
+            self._deaf = any(link.held for link in self._links.values())
+            self._tell({"t": "stopped"})
             links = [self._link(message)] if message.get("robot") is not None else list(self._links.values())
             done = await asyncio.gather(*(link.stop() for link in links), return_exceptions=True)
             for problem in done:
@@ -286,6 +291,7 @@ class Gateway:
             if self._pilot is not page:
                 self._abandon("another page took the controls")
                 self._pilot = page
+                self._deaf = False
                 self._tell_pilot()
             return
         if type_ == "record":

@@ -217,6 +217,11 @@ class Link:
             self._hands[device] = Hand(self._base(device))
         self._hands[device].hold(velocity)
 
+    @property
+    def held(self) -> bool:
+        """By hand."""
+        return any(hand.held for hand in self._hands.values())
+
     def let_go(self) -> None:
         """Of everything that is held by hand."""
         for hand in self._hands.values():
