@@ -23,7 +23,7 @@ document.dispatchEvent(new Event("visibilitychange"));
 HANG = "window.at = Date.now(); while (Date.now() < window.at + 1000);"
 # When the page was told; the driver of the browser takes its own time before.
 STAMPS = """
-for (const name of ["keyup", "keydown", "blur", "visibilitychange", "gamepaddisconnected"])
+for (const name of ["keyup", "keydown", "click", "blur", "visibilitychange", "gamepaddisconnected"])
   addEventListener(name, (event) => { if (event.code !== "KeyW" || name === "keyup") window.at = Date.now(); }, true);
 """
 
@@ -195,17 +195,19 @@ def test_a_more_important_operator_is_not_taken_over(shared, visit):
 def test_of_two_pages_one_drives_and_both_stop(shared, visit):
     robot, gateway = shared
     page = visit(gateway)
-    other = visit(gateway)
+    other = visit(gateway, script=STAMPS)
     with Observer(robot) as seen:
         other.keyboard.down("w")
         other.locator("#source", has_text="another page has the controls").wait_for()
-        since = drives(page, seen)
+        drives(page, seen)
         other.keyboard.press("Space")
-        stopped("STOP of another page", seen, since)
+        stopped("STOP of another page", seen, told(other))
+        page.wait_for_timeout(300)
+        assert seen.state == "stopped"
         page.keyboard.up("w")
-        since = drives(page, seen)
+        drives(page, seen)
         other.locator("#controls").click()
-        stopped("another page takes the controls", seen, since)
+        stopped("another page takes the controls", seen, told(other))
         page.locator("#controls").wait_for()
         other.keyboard.up("w")
         drives(other, seen)
@@ -220,5 +222,6 @@ def test_a_robot_that_was_stopped_by_others_says_by_whom(shared, visit):
         with regista.Robot("127.0.0.1", robot.port, name="umpire") as umpire:
             umpire.stop()
             wait_for(lambda: seen.state != "driving")
-        page.locator("#log", has_text="umpire").wait_for()
+            page.locator("#log", has_text='stopped: "umpire" asked for a stop').wait_for()
+            page.locator("#reason", has_text="umpire").wait_for()
         page.keyboard.up("w")

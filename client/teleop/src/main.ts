@@ -137,7 +137,6 @@ function take(message: FromGateway): void {
       loseGrip();
       break;
     case "event":
-    case "status":
       drawLog();
       break;
     case "mission":

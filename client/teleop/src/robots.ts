@@ -228,12 +228,7 @@ export class World {
       case "status": {
         const robot = this.robots.get(message.robot);
         if (!robot) break;
-        const before = robot.base ? robot.motion(robot.base)?.reason : undefined;
         robot.drivers = message.drivers;
-        const motion = robot.base ? robot.motion(robot.base) : undefined;
-        if (motion && motion.state !== "driving" && motion.reason && before !== undefined && motion.reason !== before) {
-          this.note(robot.label, motion.state === "fault" ? 2 : 0, motion.reason);
-        }
         robot.roundTrip = message.round_trip_s;
         break;
       }
