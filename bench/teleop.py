@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path += [str(ROOT / "tests/cli"), str(ROOT / "tests/teleop")]
 
 from command_line import Server  # noqa: E402
-from conftest import Gateway  # noqa: E402
+from gateway import Gateway  # noqa: E402
 
 COMMAND = bytes([0, 0, 0, 2])  # the type of a header, behind host, robot, interface and index
 FRAMES = "let n = 0; const f = () => { n++; requestAnimationFrame(f); }; f(); window.frames_drawn = () => n;"
@@ -69,6 +69,12 @@ def usage(pid: int) -> tuple[float, float]:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+def busy(inspector) -> float:
+    """CPU time [s] of the page's main thread."""
+    metrics = inspector.send("Performance.getMetrics")["metrics"]
+    return next(metric["value"] for metric in metrics if metric["name"] == "TaskDuration")
+
+
 def latencies(page, tap: Tap) -> list[float]:
     """[ms] from a key's event to the command that it caused."""
     found = []
@@ -104,15 +110,19 @@ def main() -> None:
         page.goto(gateway.url)
         page.wait_for_function(f"document.querySelectorAll('.chip:not(.lost)').length === {options.robots}")
         page.wait_for_timeout(2000)
+        inspector = page.context.new_cdp_session(page)
+        inspector.send("Performance.enable", {"timeDomain": "threadTicks"})
+        page_before = busy(inspector)
         drawn, cpu, memory, began = page.evaluate("frames_drawn()"), *usage(gateway.process.pid), time.monotonic()
         page.wait_for_timeout(options.seconds * 1e3)
         seconds = time.monotonic() - began
         frames = (page.evaluate("frames_drawn()") - drawn) / seconds
+        page_share = (busy(inspector) - page_before) / seconds * 100
         spent, memory_after = usage(gateway.process.pid)
         key = latencies(page, tap)
         load = os.getloadavg()[0]
         print(f"{options.robots} robots, {os.cpu_count()} cores, load {load:.1f}")
-        print(f"page     {frames:.0f} frames/s")
+        print(f"page     {frames:.0f} frames/s, its main thread {page_share:.0f} % of a core")
         share = (spent - cpu) / seconds * 100
         print(f"gateway  {share:.0f} % of a core, {memory:.0f} MB, {memory_after:.0f} MB at the end")
         print(f"key to command  p50 {statistics.median(key):.1f} ms, max {max(key):.1f} ms")

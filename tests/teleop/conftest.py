@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,32 +13,10 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "tests/cli"))
 
-from command_line import REGISTA, Server, environment  # noqa: E402
+from command_line import Server  # noqa: E402
+from gateway import Gateway  # noqa: E402
 
 VIEW = {"width": 1280, "height": 800}
-
-
-class Gateway:
-    """`regista teleop` in a process of its own."""
-
-    def __init__(self, *robots, folder):
-        self.process = subprocess.Popen(
-            [*REGISTA, "teleop", "--no-browser", "--recordings", folder, *robots],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment(),
-        )
-        self.url = self.process.stdout.readline().strip()
-        assert self.url.startswith("http://127.0.0.1:"), self.url
-
-    def kill(self, number=signal.SIGKILL):
-        self.process.send_signal(number)
-        self.process.wait()
-
-    def end(self):
-        if self.process.poll() is None:
-            self.kill(signal.SIGTERM)
-        self.process.stdout.close()
 
 
 @pytest.fixture(scope="session")

@@ -82,7 +82,7 @@ export class FieldMap {
   /** After the theme has changed. */
   restyle(): void {
     const style = getComputedStyle(document.documentElement);
-    const names = ["field", "on-field", "card", "grid", "grid-strong", "line", "text", "muted", "accent", "warn"];
+    const names = ["field", "on-field", "card", "grid", "grid-strong", "line", "text", "muted", "accent", "on-accent"];
     this.#style = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   }
 
@@ -377,7 +377,7 @@ export class FieldMap {
       context.fill();
     }
     if (text) {
-      context.fillStyle = "#0b0f14";
+      context.fillStyle = paint === this.#style.accent ? (this.#style["on-accent"] as string) : "#0b0f14";
       context.font = "700 11px system-ui, sans-serif";
       context.textAlign = "center";
       context.textBaseline = "middle";
@@ -466,8 +466,9 @@ export class FieldMap {
     }
     context.fill();
     context.strokeStyle = "#0b0f14";
-    context.lineWidth = 2;
+    context.lineWidth = 1.5;
     context.stroke();
+    context.lineWidth = 2;
     context.beginPath();
     context.moveTo(length * 0.1, -width * 0.35);
     context.lineTo(length * 0.6, 0);
