@@ -108,7 +108,7 @@ def main() -> None:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.add_init_script(FRAMES + STAMP)
         page.goto(gateway.url)
-        page.wait_for_function(f"document.querySelectorAll('.chip:not(.lost)').length === {options.robots}")
+        page.locator(".chip:not(.lost)").nth(options.robots - 1).wait_for()
         page.wait_for_timeout(2000)
         inspector = page.context.new_cdp_session(page)
         inspector.send("Performance.enable", {"timeDomain": "threadTicks"})
