@@ -30,10 +30,10 @@ def environment(**more):
 
 
 class Server:
-    """regista-server with a configuration, on a port of its own."""
+    """regista-server with a configuration, on a port of its own unless it is named."""
 
-    def __init__(self, config):
-        command = [SERVER, "--port", "0", "--listen", "127.0.0.1", "--log-level", "off", config]
+    def __init__(self, config, port=0):
+        command = [SERVER, "--port", str(port), "--listen", "127.0.0.1", "--log-level", "off", config]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         ready = self.process.stdout.readline()
         assert ready.startswith("regista-server: ready on "), ready

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,32 +13,10 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "tests/cli"))
 
-from command_line import REGISTA, Server, environment  # noqa: E402
+from command_line import Server  # noqa: E402
+from gateway import Gateway  # noqa: E402
 
 VIEW = {"width": 1280, "height": 800}
-
-
-class Gateway:
-    """`regista teleop` in a process of its own."""
-
-    def __init__(self, *robots, folder):
-        self.process = subprocess.Popen(
-            [*REGISTA, "teleop", "--no-browser", "--recordings", folder, *robots],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment(),
-        )
-        self.url = self.process.stdout.readline().strip()
-        assert self.url.startswith("http://127.0.0.1:"), self.url
-
-    def kill(self, number=signal.SIGKILL):
-        self.process.send_signal(number)
-        self.process.wait()
-
-    def end(self):
-        if self.process.poll() is None:
-            self.kill(signal.SIGTERM)
-        self.process.stdout.close()
 
 
 @pytest.fixture(scope="session")
@@ -49,6 +25,7 @@ def browser():
         arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
         program = os.environ.get("CHROMIUM", "/usr/bin/chromium")
         browser = playwright.chromium.launch(executable_path=program, args=arguments)
+        browser.new_page().close()  # the first one takes seconds
         yield browser
         browser.close()
 
@@ -58,6 +35,15 @@ def robot():
     """A server with a simulated robot."""
     with Server(ROOT / "examples/sim.cfg") as server:
         yield server
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory):
+    """A robot and its gateway, for tests that leave both as they were, but for where the robot is."""
+    with Server(ROOT / "examples/sim.cfg") as server:
+        gateway = Gateway(server.robot, folder=tmp_path_factory.mktemp("recordings"))
+        yield server, gateway
+        gateway.end()
 
 
 @pytest.fixture
@@ -82,6 +68,7 @@ def visit(browser):
     def open_page(gateway, *, ready=True, script="", **options):
         context = browser.new_context(viewport=VIEW, **options)
         contexts.append(context)
+        context.set_default_timeout(20_000)
         page = context.new_page()
         page.troubles = []
         page.on("console", lambda m: page.troubles.append(m.text) if m.type in ("error", "warning") else None)

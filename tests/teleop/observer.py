@@ -18,6 +18,7 @@ class Observer:
         self._base = self._robot.position2d()
         self._motion = self._base.motion()
         self.samples = []  # (time.monotonic(), state, owner, reason, speed)
+        self.track = []  # (x, y) [m]
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -39,8 +40,9 @@ class Observer:
             except regista.Error:
                 return
             speed = abs(state.velocity.x) + abs(state.velocity.y) + abs(state.velocity.w)
-            self.samples.append((time.monotonic(), motion.state.name, motion.owner, motion.reason, speed))
             self.pose, self.velocity = state.pose, state.velocity
+            self.samples.append((time.monotonic(), motion.state.name, motion.owner, motion.reason, speed))
+            self.track.append((state.pose.x, state.pose.y))
 
     @property
     def state(self):
@@ -61,7 +63,11 @@ class Observer:
         """Until it drives at speed."""
         wait_for(lambda: self.state == "driving" and self.samples[-1][4] > 0.2)
 
-    def stopped_after(self, since):
-        """[s] from `since` until the server no longer drove the base."""
-        wait_for(lambda: self.state != "driving")
-        return next(t for t, state, *_ in self.samples if t > since and state != "driving") - since
+    def stop_times(self, since):
+        """[ms] from `since` until the base slowed down, and until it was at rest."""
+        speed = max(s[4] for s in self.samples if s[0] <= since)
+        self.wait(lambda s: s.samples[-1][0] > since and s.samples[-1][4] < 0.1)
+        after = [(t, v) for t, _, _, _, v in self.samples if t > since]
+        slow = next(t for t, v in after if v < 0.8 * speed)
+        rest = next(t for t, v in after if v < 0.1)
+        return (slow - since) * 1e3, (rest - since) * 1e3

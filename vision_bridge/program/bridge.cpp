@@ -222,8 +222,8 @@ void Bridge::take_vision(const ssl::MulticastReceiver::Datagram& datagram, Time 
     return;
   }
   if ((*packet)->geometry) {
-    old_geometry_ = (*packet)->geometry->is_2010;
-    tracker_.take(*(*packet)->geometry);
+    field_ = (*packet)->geometry;
+    tracker_.take(*field_);
   }
   if (!(*packet)->detection) return;
   const ssl::Detection& frame = *(*packet)->detection;
@@ -359,7 +359,7 @@ std::vector<std::string> Bridge::warnings(Time now) const {
     if (camera.foreign > 0)
       texts.push_back(name + " is sent by two computers; only " + text_of(camera.source) + " is believed");
   }
-  if (old_geometry_) texts.emplace_back("the field's geometry comes in the layout of 2010");
+  if (field_ && field_->is_2010) texts.emplace_back("the field's geometry comes in the layout of 2010");
   if (config_.input == BridgeConfig::Input::vision && cameras.empty() && !replay_ && now - started_ > 3s)
     texts.push_back("no vision is heard on " + config_.vision.address + ':' + std::to_string(config_.vision.port));
   return texts;
@@ -431,6 +431,9 @@ ordered_json Bridge::status(Time now) const {
   }
   if (const auto ball = tracker_.predict_ball(now))
     status["ball"] = {{"x_m", ball->position.x}, {"y_m", ball->position.y}, {"vx_mps", ball->vx}, {"vy_mps", ball->vy}};
+  if (field_)
+    status["field"] = {
+        {"length_m", field_->length_m}, {"width_m", field_->width_m}, {"boundary_m", field_->boundary_m}};
   if (recorder_) status["recorder"] = {{"written", recorder_->written()}, {"dropped", recorder_->dropped()}};
   return status;
 }

@@ -95,7 +95,7 @@ class Bridge {
   Time joined_{};
   Time started_;
   std::set<std::string> warned_;
-  bool old_geometry_ = false;
+  std::optional<ssl::Geometry> field_;
   std::uint64_t undecodable_ = 0;
 };
 

@@ -18,7 +18,7 @@ import {
 import { color, FieldMap, type Tool } from "./map";
 import { Plots } from "./plots";
 import type { FromGateway, FromWorker, Point, ToWorker, Velocity } from "./protocol";
-import { type Robot, World } from "./robots";
+import { type Entry, type Robot, World } from "./robots";
 
 function element<T extends HTMLElement = HTMLElement>(id: string): T {
   return document.getElementById(id) as T;
@@ -44,10 +44,11 @@ function make(tag: string, text = "", className = ""): HTMLElement {
   return made;
 }
 
+/** `label` says more than `text` to those who do not see it. */
 function button(text: string, label: string, click: () => void): HTMLElement {
   const made = make("button", text, "quiet") as HTMLButtonElement;
   made.type = "button";
-  made.setAttribute("aria-label", label);
+  if (label) made.setAttribute("aria-label", label);
   made.addEventListener("click", click);
   return made;
 }
@@ -128,8 +129,12 @@ function take(message: FromGateway): void {
       drawRobots();
       drawFields();
       drawPanels();
+      drawRecording();
       drawLog();
       if (message.t === "robot" && message.connected) suggestPlot();
+      break;
+    case "stopped":
+      loseGrip();
       break;
     case "event":
       drawLog();
@@ -347,14 +352,11 @@ function drawMapping(): void {
     const number = padMapping[name];
     const isAxis = (AXES as readonly string[]).includes(name);
     const has = isAxis ? (XBOX_AXES[number] ?? `axis ${number}`) : (XBOX_BUTTONS[number] ?? `button ${number}`);
-    const change = button(
-      padLearns === name ? (isAxis ? "move it …" : "press it …") : has,
-      `Change: ${PAD_NAMES[name]}`,
-      () => {
-        padLearns = padLearns === name ? null : name;
-        drawMapping();
-      },
-    );
+    const text = padLearns !== name ? has : isAxis ? "move it …" : "press it …";
+    const change = button(text, `${PAD_NAMES[name]}: ${text}`, () => {
+      padLearns = padLearns === name ? null : name;
+      drawMapping();
+    });
     return [make("span", PAD_NAMES[name] as string), change];
   });
   const expo = make("input") as HTMLInputElement;
@@ -476,7 +478,9 @@ element("mission-cancel").addEventListener("click", () => {
 
 function describe([x, y, heading]: Point): string {
   const turn = heading === null ? "" : `, ${((heading * 180) / Math.PI).toFixed(0)}°`;
-  return `${x.toFixed(2)}, ${y.toFixed(2)} m${turn}`;
+  const place = world.robot?.geographic(x, y);
+  const earth = place ? ` (${place.latitude.toFixed(6)}, ${place.longitude.toFixed(6)})` : "";
+  return `${x.toFixed(2)}, ${y.toFixed(2)} m${turn}${earth}`;
 }
 
 function drawMission(): void {
@@ -588,7 +592,7 @@ function drawRecording(): void {
 function drawRobots(): void {
   element("robots").replaceChildren(
     ...[...world.robots.values()].map((robot) => {
-      const chip = button("", `Robot ${robot.label}`, () => choose(robot.number));
+      const chip = button("", "", () => choose(robot.number));
       chip.classList.add("chip");
       chip.dataset.robot = String(robot.number);
       chip.setAttribute("aria-pressed", String(robot.number === world.chosen));
@@ -813,7 +817,11 @@ function drawHealth(robot: Robot | null, base: string | null): void {
   );
 }
 
+let drawn: Entry | undefined;
 function drawLog(): void {
+  const last = world.log[world.log.length - 1];
+  if (last === drawn) return;
+  drawn = last;
   const newest = [...world.log].reverse().slice(0, 60);
   element("log").replaceChildren(
     ...newest.map((entry) => {

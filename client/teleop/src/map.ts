@@ -6,7 +6,13 @@ import type { Pose, Robot, World } from "./robots";
 export type Tool = "look" | "go" | "points";
 
 const ROBOT_SIZE = 0.18; // m, of a robot that does not tell
-const SMALLEST = 11; // px: a robot is never drawn smaller
+// Rules of the Small Size League 2025, 2.1: fields of divisions A and B [m].
+const CIRCLE = 0.5;
+const GOAL_DEPTH = 0.18;
+const LARGE = 10.5; // between the lengths of B and A
+const DIVISION_A = { depth: 1.8, span: 3.6, goal: 1.8 };
+const DIVISION_B = { depth: 1.0, span: 2.0, goal: 1.0 };
+const SMALLEST = 12; // px: a robot is never drawn smaller
 const COLORS = ["#3b9cff", "#ffb02e", "#35c28d", "#ff6b8b", "#b38cff", "#2cc5d2", "#e58a3a", "#9bc53d"];
 
 export function color(number: number): string {
@@ -76,7 +82,7 @@ export class FieldMap {
   /** After the theme has changed. */
   restyle(): void {
     const style = getComputedStyle(document.documentElement);
-    const names = ["field", "grid", "grid-strong", "line", "text", "muted", "accent", "warn"];
+    const names = ["field", "on-field", "card", "grid", "grid-strong", "line", "text", "muted", "accent", "on-accent"];
     this.#style = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   }
 
@@ -97,7 +103,7 @@ export class FieldMap {
     }
     const field = this.world.field;
     if (field) {
-      const [x, y] = [field.length / 2 + field.boundary, field.width / 2 + field.boundary];
+      const [x, y] = [field.length_m / 2 + field.boundary_m, field.width_m / 2 + field.boundary_m];
       points.push({ x, y }, { x: -x, y: -y });
     }
     if (points.length === 0) points.push({ x: 0, y: 0 });
@@ -256,38 +262,39 @@ export class FieldMap {
   }
 
   #field(): void {
-    const context = this.#context;
     const field = this.world.field;
     if (!field) return;
-    const corner = this.toScreen(-field.length / 2 - field.boundary, field.width / 2 + field.boundary);
+    const context = this.#context;
     const scale = this.#scale;
+    const [length, width, boundary] = [field.length_m, field.width_m, field.boundary_m];
+    const box = (x: number, y: number, across: number, along: number): [number, number, number, number] => {
+      const corner = this.toScreen(x, y);
+      return [corner.x, corner.y, across * scale, along * scale];
+    };
     context.fillStyle = this.#style.field as string;
     context.beginPath();
     context.roundRect(
-      corner.x,
-      corner.y,
-      (field.length + 2 * field.boundary) * scale,
-      (field.width + 2 * field.boundary) * scale,
+      ...box(-length / 2 - boundary, width / 2 + boundary, length + 2 * boundary, width + 2 * boundary),
       8,
     );
     context.fill();
     context.strokeStyle = this.#style.line as string;
     context.lineWidth = Math.max(1, 0.01 * scale);
-    for (const [x1, y1, x2, y2] of field.lines) {
-      const [from, to] = [this.toScreen(x1, y1), this.toScreen(x2, y2)];
-      this.#line(from.x, from.y, to.x, to.y);
-    }
-    for (const [x, y, radius, from, to] of field.arcs) {
-      const at = this.toScreen(x, y);
-      context.beginPath();
-      context.arc(at.x, at.y, radius * scale, -from, -to, true);
-      context.stroke();
-    }
+    context.strokeRect(...box(-length / 2, width / 2, length, width));
+    const [top, bottom] = [this.toScreen(0, width / 2), this.toScreen(0, -width / 2)];
+    this.#line(top.x, top.y, bottom.x, bottom.y);
+    const middle = this.toScreen(0, 0);
+    context.beginPath();
+    context.arc(middle.x, middle.y, CIRCLE * scale, 0, 2 * Math.PI);
+    context.stroke();
+    const { depth, span, goal } = length > LARGE ? DIVISION_A : DIVISION_B;
     for (const side of [-1, 1]) {
-      const mouth = this.toScreen((side * field.length) / 2, field.goal_width / 2);
+      context.strokeStyle = this.#style.line as string;
+      context.lineWidth = Math.max(1, 0.01 * scale);
+      context.strokeRect(...box((side * length) / 2, span / 2, -side * depth, span));
       context.strokeStyle = side < 0 ? "#ffd23f" : "#3b9cff";
       context.lineWidth = Math.max(2, 0.02 * scale);
-      context.strokeRect(mouth.x, mouth.y, side * field.goal_depth * scale, field.goal_width * scale);
+      context.strokeRect(...box((side * length) / 2, goal / 2, side * GOAL_DEPTH, goal));
     }
   }
 
@@ -370,7 +377,7 @@ export class FieldMap {
       context.fill();
     }
     if (text) {
-      context.fillStyle = "#0b0f14";
+      context.fillStyle = paint === this.#style.accent ? (this.#style["on-accent"] as string) : "#0b0f14";
       context.font = "700 11px system-ui, sans-serif";
       context.textAlign = "center";
       context.textBaseline = "middle";
@@ -423,6 +430,20 @@ export class FieldMap {
       context.globalAlpha = 1;
     }
 
+    const fix = robot.fix;
+    if (fix) {
+      const there = this.toScreen(fix.x, fix.y);
+      context.strokeStyle = color(robot.number);
+      context.lineWidth = 1.5;
+      this.#line(there.x - 6, there.y, there.x + 6, there.y);
+      this.#line(there.x, there.y - 6, there.x, there.y + 6);
+      context.setLineDash([3, 4]);
+      context.beginPath();
+      context.arc(there.x, there.y, fix.error * this.#scale, 0, 2 * Math.PI);
+      context.stroke();
+      context.setLineDash([]);
+    }
+
     context.save();
     context.translate(at.x, at.y);
     context.rotate(-pose.heading);
@@ -445,6 +466,8 @@ export class FieldMap {
     }
     context.fill();
     context.strokeStyle = "#0b0f14";
+    context.lineWidth = 1.5;
+    context.stroke();
     context.lineWidth = 2;
     context.beginPath();
     context.moveTo(length * 0.1, -width * 0.35);
@@ -456,9 +479,14 @@ export class FieldMap {
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "top";
-    context.fillStyle = (stale ? this.#style.muted : this.#style.text) as string;
+    const ink = this.world.field ? "on-field" : stale ? "muted" : "text";
+    context.fillStyle = this.#style[ink] as string;
     const seconds = age === null ? "" : ` · ${age < 10 ? age.toFixed(1) : age.toFixed(0)} s old`;
     const label = stale ? `${robot.label}${seconds}` : robot.label;
+    context.strokeStyle = (this.world.field ? this.#style.field : this.#style.card) as string;
+    context.lineWidth = 4;
+    context.lineJoin = "round";
+    context.strokeText(label, at.x, at.y + Math.max(length, width) * 1.3 + 9);
     context.fillText(label, at.x, at.y + Math.max(length, width) * 1.3 + 9);
   }
 

@@ -81,7 +81,7 @@ export class Plots {
   }
 
   #size(): { width: number; height: number } {
-    return { width: Math.max(200, this.parent.clientWidth), height: 210 };
+    return { width: Math.max(200, this.parent.clientWidth), height: 170 };
   }
 
   /** After series or theme have changed. */
@@ -106,7 +106,7 @@ export class Plots {
         legend: { live: true },
         cursor: { drag: { x: true, y: false } },
         series: [
-          { label: "", value: (_, at) => (at == null ? "" : `${(at - this.#last).toFixed(2)} s`) },
+          { label: "Time", value: (_, at) => (at == null ? "" : `${(at - this.#last).toFixed(2)} s`) },
           ...this.series.map((one, i) => ({
             label: `${this.world.robots.get(one.robot)?.label ?? ""} ${one.device} ${one.path}`,
             stroke: color(i),

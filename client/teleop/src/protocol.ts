@@ -46,13 +46,9 @@ export interface Mission {
 }
 
 export interface Field {
-  length: number; // m, all
-  width: number;
-  goal_width: number;
-  goal_depth: number;
-  boundary: number;
-  lines: [number, number, number, number][];
-  arcs: [x: number, y: number, radius: number, from: number, to: number][];
+  length_m: number; // of the playing field, along x
+  width_m: number; // along y
+  boundary_m: number; // around it
 }
 
 type FromRobot = { robot: number };
@@ -75,9 +71,10 @@ export type FromGateway =
   | (FromRobot & { t: "mission"; device: string } & Mission)
   // Of each stream that has news: its number, age [s] and values.
   | { t: "frame"; at: number; robots: [robot: number, rows: (number | null)[][]][] }
-  | { t: "vision"; field?: Field; ball?: [x: number, y: number, age: number]; why?: string }
+  | { t: "vision"; field?: Field; ball?: [x: number, y: number]; why: string }
   | { t: "recording"; files: string[]; bytes: number; dropped: number; trouble: string }
   | { t: "playable"; files: string[] }
+  | { t: "stopped" } // somebody pressed STOP: what is held counts no more
   | { t: "reply"; n: number; error: string | null }
   | { t: "alive"; n: number };
 

@@ -8,6 +8,32 @@ export interface Pose {
   heading: number; // rad
 }
 
+export interface Geographic {
+  latitude: number; // degrees, north
+  longitude: number; // degrees, east
+}
+
+/** Radii of curvature [m] of the ellipsoid WGS 84: along the meridian, and across it times the cosine of latitude. */
+function radii(latitude: number): { north: number; east: number } {
+  const [a, e2, phi] = [6378137, 6.69437999014e-3, (latitude * Math.PI) / 180];
+  const w = Math.sqrt(1 - e2 * Math.sin(phi) ** 2);
+  return { north: (a * (1 - e2)) / w ** 3, east: (a / w) * Math.cos(phi) };
+}
+
+/** East and north of `origin` [m]; within kilometres. */
+export function toPlane(latitude: number, longitude: number, origin: Geographic): { x: number; y: number } {
+  const { north, east } = radii(origin.latitude);
+  const radians = Math.PI / 180;
+  return { x: (longitude - origin.longitude) * radians * east, y: (latitude - origin.latitude) * radians * north };
+}
+
+/** The reverse. */
+export function toEarth(x: number, y: number, origin: Geographic): Geographic {
+  const { north, east } = radii(origin.latitude);
+  const degrees = 180 / Math.PI;
+  return { latitude: origin.latitude + (y / north) * degrees, longitude: origin.longitude + (x / east) * degrees };
+}
+
 interface Stream {
   device: string;
   name: string;
@@ -104,7 +130,38 @@ export class Robot {
     return xx == null || yy == null || xy == null ? null : { xx, yy, xy };
   }
 
+  /**
+   * What its satellite receiver says [m], on a plane that touches the earth where the base was at the first fix, x east
+   * and y north; `error`: its own, [m].
+   */
+  get fix(): { x: number; y: number; error: number } | null {
+    const device = this.device("gps")?.address;
+    if (!device || !this.#anchor) return null;
+    const [latitude, longitude, error, quality] = ["latitude", "longitude", "horizontal_error_m", "quality"].map(
+      (path) => this.get(device, path),
+    );
+    if (latitude == null || longitude == null || !quality) return null;
+    const { x, y } = toPlane(latitude / 1e7, longitude / 1e7, this.#anchor);
+    return { x: this.#anchor.x + x, y: this.#anchor.y + y, error: error ?? 0 };
+  }
+
+  /** Latitude and longitude [degrees] of a place in the base's frame. */
+  geographic(x: number, y: number): { latitude: number; longitude: number } | null {
+    return this.#anchor && toEarth(x - this.#anchor.x, y - this.#anchor.y, this.#anchor);
+  }
+
+  #anchor: (Geographic & { x: number; y: number }) | null = null;
+
+  #find(): void {
+    const [device, pose] = [this.device("gps")?.address, this.pose];
+    if (this.#anchor || !device || !pose || !this.get(device, "quality")) return;
+    const [latitude, longitude] = [this.get(device, "latitude"), this.get(device, "longitude")];
+    if (latitude === null || longitude === null) return;
+    this.#anchor = { latitude: latitude / 1e7, longitude: longitude / 1e7, x: pose.x, y: pose.y };
+  }
+
   follow(): void {
+    this.#find();
     const pose = this.pose;
     if (!pose) return;
     const last = this.trace[this.trace.length - 1];
@@ -200,8 +257,8 @@ export class World {
         break;
       case "vision":
         if (message.field) this.field = message.field;
-        if (message.ball) this.ball = { x: message.ball[0], y: message.ball[1], at: now - message.ball[2] * 1000 };
-        this.visionTrouble = message.why ?? "";
+        if (message.ball) this.ball = { x: message.ball[0], y: message.ball[1], at: now };
+        this.visionTrouble = message.why;
         break;
     }
   }

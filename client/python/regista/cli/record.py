@@ -14,70 +14,11 @@ from rich.progress import Progress, TextColumn, TimeElapsedColumn
 import regista
 
 from .. import recording
-from ..recording import Channel, Recorder, foxglove
+from ..recording import Log, Recorder
 from . import common
 from .common import RobotOption, TimeoutOption, examples
 from .drive import ends_on_signals
 from .look import LOCALHOST
-
-POSE = "foxglove.PoseInFrame"
-LOCATION = "foxglove.LocationFix"
-LEVELS = (foxglove.INFO, foxglove.WARNING, foxglove.ERROR)
-
-
-class Log:
-    """Turns what a robot says into records."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        self._channels: dict[tuple[str, type], Channel] = {}
-        # One offset for the whole recording: a clock that is set meanwhile does not shift what comes after.
-        self._epoch_ns = time.time_ns() - time.monotonic_ns()
-
-    def data(self, received: regista.Received) -> None:
-        log_ns = self._epoch_ns + round(received.arrival * 1e9)
-        stamp_ns = round(received.stamp * 1e9)
-        message = received.message
-        self._recorder.put(self._channel(received.device, type(message)), recording.write(message), log_ns, stamp_ns)
-        if isinstance(message, regista.position2d.State):
-            pose = foxglove.pose(stamp_ns, "odom", message.pose.x, message.pose.y, message.pose.heading)
-            channel = Channel(f"{_topic(received.device)}/pose", POSE, foxglove.POSE_IN_FRAME)
-            self._recorder.put(channel, pose, log_ns, stamp_ns)
-        elif isinstance(message, regista.gps.State):
-            where = (message.latitude / 1e7, message.longitude / 1e7, message.altitude_mm / 1e3)
-            channel = Channel(f"{_topic(received.device)}/location", LOCATION, foxglove.LOCATION_FIX)
-            self._recorder.put(channel, foxglove.location(stamp_ns, "gps", *where), log_ns, stamp_ns)
-
-    def answer(self, device: str, request: Any, reply: Any) -> None:
-        """What a device is, such as its geometry: replayed as the answer to the same request."""
-        now = time.time_ns()
-        metadata = {"device": device, "kind": "answer", "subtype": str(type(request).SUBTYPE)}
-        topic = f"{_topic(device)}/{type(request).NAME.lower()}"
-        channel = Channel(topic, _name(device, type(reply)), recording.schema(type(reply)), metadata)
-        self._recorder.put(channel, recording.write(reply), now, now)
-
-    def event(self, event: Any) -> None:
-        now = time.time_ns()
-        level = LEVELS[min(event.severity, len(LEVELS) - 1)]
-        self._recorder.put(recording.LOG, foxglove.log(now, level, event.text), now, now)
-
-    def _channel(self, device: str, kind: Any) -> Channel:
-        channel = self._channels.get((device, kind))
-        if channel is None:
-            metadata = {"device": device, "kind": "data", "subtype": str(kind.SUBTYPE)}
-            topic = f"{_topic(device)}/{kind.NAME.lower()}"
-            channel = Channel(topic, _name(device, kind), recording.schema(kind), metadata)
-            self._channels[device, kind] = channel
-        return channel
-
-
-def _topic(device: str) -> str:
-    """/position2d/0"""
-    return "/" + device.replace(":", "/")
-
-
-def _name(device: str, kind: Any) -> str:
-    return f"regista.{device.partition(':')[0]}.{kind.__name__}"
 
 
 def record(

@@ -28,6 +28,10 @@ def teleop(
         int, typer.Option("--port", min=0, max=65535, metavar="PORT", help="Where the page is; 0: any free one.")
     ] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
+    vision: Annotated[
+        str | None,
+        typer.Option("--vision", metavar="HOST:PORT", help="Show field and ball: the vision bridge's status_port."),
+    ] = None,
     folder: Annotated[
         Path, typer.Option("--recordings", metavar="FOLDER", help="Where recordings are written and played from.")
     ] = Path(),
@@ -43,10 +47,12 @@ def teleop(
     except ModuleNotFoundError:
         common.fail(common.FAILED, "teleop wants packages that are not installed: pip install 'regista[teleop]'")
     addresses = [(text, *common.parse_robot(text)) for text in robots or [f"localhost:{common.PORT}"]]
-    uvloop.run(_serve(addresses, port, browser, folder))
+    uvloop.run(_serve(addresses, port, browser, vision, folder))
 
 
-async def _serve(addresses: list[tuple[str, str, int]], port: int, browser: bool, folder: Path) -> None:
+async def _serve(
+    addresses: list[tuple[str, str, int]], port: int, browser: bool, vision: str | None, folder: Path
+) -> None:
     from ..teleop.gateway import Gateway
 
     name = "teleop"
@@ -60,6 +66,8 @@ async def _serve(addresses: list[tuple[str, str, int]], port: int, browser: bool
     try:
         for label, host, robot_port in addresses:
             gateway.add(label, host, robot_port)
+        if vision is not None:
+            gateway.see(vision)
         sys.stdout.write(f"{gateway.url}\n")
         sys.stdout.flush()
         if browser:

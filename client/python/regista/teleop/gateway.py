@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import hmac
 import json
 import math
 import secrets
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,12 +20,14 @@ from aiohttp import WSCloseCode, WSMsgType, web
 import regista
 from regista.cli.hand import Velocity
 
-from . import PAGE
+from . import PAGE, vision
 from .link import Link
 from .mission import Point
+from .recordings import Recordings
 
 FRAMES = 60  # a second
 PENDING_BYTES = 256 * 1024  # a page that is further behind gets no frames until it has caught up
+RECORDING_SECONDS = 1.0  # between two tellings how large it is
 SILENCE_SECONDS = 1.0  # a page says that it is alive five times a second; without that, nobody watches
 
 # The page has all that it needs: nothing comes from elsewhere, nothing goes elsewhere, nobody frames it.
@@ -85,12 +88,17 @@ class Gateway:
         self.token = secrets.token_urlsafe(16)
         self.url = ""
         self._name = name
-        self._recordings = recordings
+        self._recordings = Recordings(recordings)
+        self._played: Link | None = None
+        self._field: dict[str, float] | None = None
         self._links: dict[int, Link] = {}
+        self._running: dict[int, asyncio.Task[None]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._pages: list[Page] = []
         self._pilot: Page | None = None
         self._hosts: set[str] = set()
+        self._closing = False  # whoever still holds something drives no more
+        self._deaf = False  # the same after STOP, until it is let go
         self._runner: web.AppRunner | None = None
 
     async def start(self, port: int) -> None:
@@ -114,22 +122,34 @@ class Gateway:
         """A robot; it may come later, and go."""
         link = Link(max(self._links, default=-1) + 1, label, host, port, self._name[:63], self._tell)
         self._links[link.number] = link
-        self._spawn(link.run())
+        self._running[link.number] = self._spawn(link.run())
         return link
+
+    def see(self, address: str) -> None:
+        """The field and the ball of the vision bridge whose `status_port` is there, HOST:PORT."""
+        self._spawn(vision.watch(address, self._tell_vision))
+
+    def _tell_vision(self, message: dict[str, Any]) -> None:
+        self._field = message.get("field") or self._field
+        self._tell(message)
 
     async def close(self) -> None:
         """Robots at rest and given back, sockets closed."""
+        self._closing = True
         await asyncio.gather(*(link.close() for link in self._links.values()))
+        await self._recordings.end()
+        await self._recordings.end_play()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         if self._runner is not None:
             await self._runner.cleanup()
 
-    def _spawn(self, work: Any) -> None:
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
 
     def _tell(self, message: dict[str, Any]) -> None:
         for page in self._pages:
@@ -187,6 +207,10 @@ class Gateway:
     def _enter(self, page: Page) -> None:
         self._pages.append(page)
         page.tell({"t": "hello", "name": self._name[:63]})
+        if self._field is not None:
+            page.tell({"t": "vision", "why": "", "field": self._field})
+        page.tell({"t": "playable", "files": self._recordings.files()})
+        page.tell({"t": "recording", **self._recordings.to_dict()})
         for link in self._links.values():
             for message in link.state.values():
                 page.tell(message)
@@ -198,6 +222,7 @@ class Gateway:
         self._pages.remove(page)
         if page is self._pilot:
             self._pilot = None
+            self._deaf = False
             self._abandon("the page was closed")
         self._tell_pilot()
 
@@ -217,11 +242,12 @@ class Gateway:
             message = json.loads(text)
             type_ = message["t"]
             if type_ == "drive":  # fifty times a second: no answer
-                if page is self._pilot and page.visible:
+                if page is self._pilot and page.visible and not (self._deaf or self._closing):
                     self._link(message).hold(message["device"], _velocity(message))
                 return
             if type_ == "release":
                 if page is self._pilot:
+                    self._deaf = False
                     for link in self._links.values():
                         link.let_go()
                 return
@@ -253,6 +279,8 @@ class Gateway:
     async def _do(self, page: Page, message: dict[str, Any]) -> None:
         type_ = message["t"]
         if type_ == "stop":
+            self._deaf = any(link.held for link in self._links.values())
+            self._tell({"t": "stopped"})
             links = [self._link(message)] if message.get("robot") is not None else list(self._links.values())
             done = await asyncio.gather(*(link.stop() for link in links), return_exceptions=True)
             for problem in done:
@@ -263,7 +291,18 @@ class Gateway:
             if self._pilot is not page:
                 self._abandon("another page took the controls")
                 self._pilot = page
+                self._deaf = False
                 self._tell_pilot()
+            return
+        if type_ == "record":
+            await self._record(bool(message["on"]))
+            return
+        if type_ == "play":
+            await self._end_play()
+            await self._recordings.play(message["file"], functools.partial(self._add_player, message["file"]))
+            return
+        if type_ == "end_play":
+            await self._end_play()
             return
         if page is not self._pilot:
             raise ValueError("another page has the controls: take them first")
@@ -292,6 +331,27 @@ class Gateway:
         else:
             raise ValueError(f"no such request: {type_}")
 
+    async def _record(self, on: bool) -> None:
+        if on:
+            await self._recordings.start(link for link in self._links.values() if link is not self._played)
+        else:
+            await self._recordings.end()
+        self._tell({"t": "recording", **self._recordings.to_dict()})
+        self._tell({"t": "playable", "files": self._recordings.files()})
+
+    def _add_player(self, name: str, port: int) -> None:
+        self._played = self.add(name, "127.0.0.1", port)
+
+    async def _end_play(self) -> None:
+        link, self._played = self._played, None
+        if link is not None:
+            del self._links[link.number]
+            task = self._running.pop(link.number)
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+            self._tell({"t": "gone", "robot": link.number})
+        await self._recordings.end_play()
+
     def _link(self, message: dict[str, Any]) -> Link:
         link = self._links.get(message["robot"])
         if link is None:
@@ -303,6 +363,7 @@ class Gateway:
     async def _beat(self) -> None:
         loop = asyncio.get_running_loop()
         due = loop.time()
+        told = 0.0
         while True:
             due = max(due + 1 / FRAMES, loop.time())
             await asyncio.sleep(due - loop.time())
@@ -313,6 +374,9 @@ class Gateway:
             if pilot is not None and pilot.visible and now - pilot.heard > SILENCE_SECONDS:
                 self._see(pilot, False)
             self._frames(now)
+            if self._recordings.running and now - told > RECORDING_SECONDS:
+                told = now
+                self._tell({"t": "recording", **self._recordings.to_dict()})
 
     def _frames(self, now: float) -> None:
         pages = [page for page in self._pages if page.visible and not page.slow]

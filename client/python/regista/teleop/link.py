@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import regista
 import regista.asyncio
-from regista import dio, kicker, position2d
+from regista import dio, kicker, position2d, recording
 from regista.message import Data
 
 from . import fields
@@ -37,6 +37,7 @@ SHOWN = (
 )
 STATUS_SECONDS = 0.2
 RETRY_SECONDS = (0.2, 0.5, 1.0, 2.0)
+RECORD_LIMIT = 10_000  # messages between two looks
 PEOPLE = 20  # the priority of what a person does by hand
 
 
@@ -71,7 +72,7 @@ class Link:
         self.name = name
         self.streams: list[Stream] = []
         self.state: dict[str, Any] = {}  # what a page that comes later has to know
-        self.recorder: Any = None
+        self._log: recording.Log | None = None
         self._host, self._port = host, port
         self._tell_all = tell
         self._robot: regista.asyncio.Robot | None = None
@@ -105,15 +106,16 @@ class Link:
             devices.append(device)
             try:
                 proxy = await robot.device(info.address)
+            except regista.RefusedError as error:
+                device["trouble"] = error.reason or str(error)
+                continue
+            streams += [Stream(proxy, kind) for kind in fields.data_kinds(interface)]
+            with contextlib.suppress(regista.RefusedError):  # not every driver tells how large it is
                 if isinstance(proxy, regista.asyncio.Position2d):
                     size = (await proxy.geometry()).size
                     device["size"] = [size.length, size.width]
                 elif interface == "kicker":
                     device["limits"] = (await proxy.request(kicker.GetLimits())).to_dict()
-            except regista.RefusedError as error:
-                device["trouble"] = error.reason or str(error)
-            if "proxy" in locals() and proxy.address == info.address:
-                streams += [Stream(proxy, kind) for kind in fields.data_kinds(interface)]
         self._robot = robot
         self.streams = streams
         described = [{"device": s.address, "name": s.name, "paths": s.paths} for s in streams]
@@ -121,8 +123,8 @@ class Link:
             "robot", label=self.label, connected=True, why="", devices=devices, streams=described,
             extended=robot.extended,
         )  # fmt: skip
-        if self.recorder is not None:
-            robot.record()
+        if self._log is not None:
+            await self._begin_record(robot)
         while True:
             await self._status(robot)
             self._look.clear()
@@ -178,16 +180,16 @@ class Link:
             return
         for event in self._robot.events():
             self._tell_all({"t": "event", "robot": self.number, "severity": event.severity, "text": event.text})
-            if self.recorder is not None:
-                self.recorder.event(event)
+            if self._log is not None:
+                self._log.event(event)
             for address, mission in self._missions.items():
                 if " refused: " in event.text and event.text.startswith(address):
                     mission.fail(event.text)
                     self._tell_mission(address)
             self._look.set()
-        if self.recorder is not None:
+        if self._log is not None:
             for received in self._robot.messages():
-                self.recorder.data(received)
+                self._log.data(received)
         for address, mission in self._missions.items():
             if mission.step():
                 self._tell_mission(address)
@@ -214,6 +216,11 @@ class Link:
         if device not in self._hands:
             self._hands[device] = Hand(self._base(device))
         self._hands[device].hold(velocity)
+
+    @property
+    def held(self) -> bool:
+        """By hand."""
+        return any(hand.held for hand in self._hands.values())
 
     def let_go(self) -> None:
         """Of everything that is held by hand."""
@@ -303,16 +310,20 @@ class Link:
     async def outputs(self, device: str, count: int, bits: int) -> None:
         (await self._device(device)).send(dio.OutputCommand(count=count, bits=bits))
 
-    def start_recording(self, recorder: Any) -> None:
-        self.recorder = recorder
+    async def record(self, log: recording.Log | None) -> None:
+        """From now on, everything; None: no more. It goes on after the connection was lost and is there again."""
+        self._log = log
         if self._robot is not None:
-            self._robot.record()
+            await self._begin_record(self._robot)
 
-    def end_recording(self) -> Any:
-        recorder, self.recorder = self.recorder, None
-        if self._robot is not None:
-            self._robot.record(0)
-        return recorder
+    async def _begin_record(self, robot: regista.asyncio.Robot) -> None:
+        robot.record(0 if self._log is None else RECORD_LIMIT)
+        for address, device in list(robot._devices.items()) if self._log is not None else []:
+            for request in recording.descriptions(address.partition(":")[0]):
+                with contextlib.suppress(regista.RefusedError):
+                    answer = await device.request(request)
+                    if self._log is not None:
+                        self._log.answer(address, request, answer)
 
     def _connected(self) -> regista.asyncio.Robot:
         if self._robot is None:

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may talk to the gateway, and whether everybody can use the page."""
+
+import http.client
+import os
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+AXE = os.environ.get("AXE")
+
+
+def status(url, **headers):
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=10) as answer:
+            return answer.status, answer.headers
+    except urllib.error.HTTPError as error:
+        return error.code, error.headers
+
+
+def upgrade(gateway, token, origin):
+    """What the WebSocket's handshake is answered with."""
+    host = gateway.url.partition("//")[2].partition("/")[0]
+    connection = http.client.HTTPConnection(host, timeout=10)
+    headers = {
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",  # of RFC 6455, 1.3
+        **({"Origin": origin} if origin else {}),
+    }
+    connection.request("GET", f"/socket?token={token}", headers=headers)
+    try:
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+def test_only_the_page_that_was_printed_may_connect(shared):
+    gateway = shared[1]
+    base, _, token = gateway.url.partition("/#")
+    assert upgrade(gateway, token, base) == 101
+    assert upgrade(gateway, "wrong", base) == 403
+    assert upgrade(gateway, "", base) == 403
+    assert upgrade(gateway, token, "http://evil.example") == 403
+    assert upgrade(gateway, token, None) == 403
+
+
+def test_another_name_for_this_computer_is_refused(shared):
+    base = shared[1].url.partition("/#")[0]
+    assert status(base)[0] == 200
+    assert status(base, Host="evil.example")[0] == 403  # DNS rebinding
+
+
+def test_the_page_has_a_policy_and_needs_nothing_from_elsewhere(shared, visit):
+    gateway = shared[1]
+    base = gateway.url.partition("/#")[0]
+    assert status(base)[1]["Content-Security-Policy"].startswith("default-src 'none'")
+    page = visit(gateway, ready=False)
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.reload()
+    page.locator("#state", has_text="STOPPED").wait_for()
+    assert [url for url in asked if not url.startswith((base, base.replace("http", "ws"), "data:"))] == []
+    assert page.troubles == []
+
+
+@pytest.mark.skipif(AXE is None, reason="AXE does not name axe.min.js")
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_nothing(shared, visit, scheme, width):
+    page = visit(shared[1], color_scheme=scheme, bypass_csp=True)
+    page.set_viewport_size({"width": width, "height": 844})
+    page.add_script_tag(content=Path(AXE).read_text())
+    page.locator("#pad summary").click()
+    found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.target.join(' '))]))")
+    assert found == []
+
+
+def test_a_phone_shows_the_page_without_scrolling_sideways(shared, visit):
+    page = visit(shared[1], has_touch=True, is_mobile=True)
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    stop = page.locator("#stop").bounding_box()
+    assert stop["y"] + stop["height"] <= 844
+    assert stop["width"] > 300
+
+
+def test_the_keyboard_reaches_everything(shared, visit):
+    page = visit(shared[1])
+    reached = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id || document.activeElement.dataset.tool || ''"))
+    assert {"stop", "theme", "go", "speed", "go-x", "kick", "field", "record", "events-scroll", "motors"} <= reached
+    page.locator("[data-tool=points]").focus()
+    page.keyboard.press("Enter")
+    assert page.locator("[data-tool=points]").get_attribute("aria-pressed") == "true"
