@@ -84,7 +84,7 @@ class Cameras {
     if (now_ >= geometry_due_) {
       geometry_due_ = now_ + geometry_period;
       ssl::Geometry geometry{.length_m = field_.length_m, .width_m = field_.width_m, .boundary_m = field_.boundary_m};
-      for (int i = 0; i < options_.cameras; ++i) geometry.cameras.push_back(static_cast<std::uint32_t>(i));
+      for (int i = 0; i < options_.cameras; ++i) geometry.cameras.push_back(calibration(i));
       (void)sender_.send(ssl::encode({.detection = {}, .geometry = geometry}));
     }
   }
@@ -108,6 +108,21 @@ class Cameras {
                                 .offset = {.x = off}});
     }
     return vision;
+  }
+
+  /// Looking straight down on the middle of its part of the field.
+  [[nodiscard]] ssl::CameraCalibration calibration(int camera) const {
+    const bool whole = options_.cameras == 1;
+    const double x_m = whole ? 0 : (camera % 2 == 1 ? 0.25 : -0.25) * field_.length_m;
+    const double y_m = whole ? 0 : (camera / 2 == 1 ? 0.25 : -0.25) * field_.width_m;
+    return {.camera = static_cast<std::uint32_t>(camera),
+            .focal_px = 390,
+            .principal_x_px = 390,
+            .principal_y_px = 290,
+            .rotation = {1, 0, 0, 0},  // half a turn about x
+            .translation = {.x = -x_m, .y = y_m, .z = 4},
+            .width_px = 780,
+            .height_px = 580};
   }
 
   void send(int camera, ssl::Detection& frame) {
