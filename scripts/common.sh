@@ -4,15 +4,18 @@
 # as the working directory.
 
 # Debian packages to build and run what users get …
-build_packages=(ccache cmake gcc g++ ninja-build libasio-dev libcli11-dev libeigen3-dev libfmt-dev libprotobuf-dev
-  libgeographiclib-dev libgps-dev libopencv-calib3d-dev libopencv-highgui-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
-  libopencv-videoio-dev libspdlog-dev nlohmann-json3-dev pkg-config protobuf-compiler)
+build_packages=(ccache cmake gcc g++ ninja-build libasio-dev libcli11-dev libeigen3-dev libfmt-dev libgeographiclib-dev
+  libgps-dev libprotobuf-dev libspdlog-dev nlohmann-json3-dev pkg-config protobuf-compiler)
+# … regista-camera with it …
+camera_packages=(libopencv-calib3d-dev libopencv-highgui-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
+  libopencv-videoio-dev)
+# … the Python package, with the page of `regista teleop`. An npm of another source than Debian comes with its nodejs.
+python_packages=(python3 python3-dev python3-venv)
+command -v npm >/dev/null || python_packages+=(nodejs npm)
 # … and those that only the checks need. libclang-rt-19-dev holds libFuzzer and the sanitizers of clang; user-mode-linux a
 # kernel with CAN, for tests/vm/with-vcan.
-test_packages=(python3 python3-dev python3-venv shellcheck libbenchmark-dev libgtest-dev librapidcheck-dev clang-19
-  libclang-rt-19-dev user-mode-linux busybox-static iproute2 can-utils gpsd chromium nftables)
-# … and what builds and checks the page of `regista teleop`. An npm of another source than Debian comes with its nodejs.
-command -v npm >/dev/null || test_packages+=(nodejs npm)
+test_packages=(shellcheck libbenchmark-dev libgtest-dev librapidcheck-dev clang-19 libclang-rt-19-dev user-mode-linux
+  busybox-static iproute2 can-utils gpsd chromium nftables)
 
 say() { printf '%s\n' "$*"; }
 
