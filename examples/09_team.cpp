@@ -6,7 +6,7 @@
 
 using namespace std::chrono_literals;
 
-// Centralised: cameras say where robots are, velocities go out. All cross a circle through its middle, and none touches.
+// Centralised: cameras say where robots are, velocities go out. All cross a circle, and none touches another.
 int main() {
   regista::soccer::Team team{"team.cfg", regista::ssl::Team::yellow};
   for (const double side : {1.0, -1.0}) {

@@ -3,7 +3,7 @@ from math import cos, sin
 
 from regista.soccer import Team
 
-# Centralised: cameras say where robots are, velocities go out. All cross a circle through its middle, and none touches.
+# Centralised: cameras say where robots are, velocities go out. All cross a circle, and none touches another.
 with Team("team.cfg", "yellow") as team:
     for side in (1, -1):
         angles = {robot: 6.283 * robot.id / len(team) for robot in team}

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <regista/soccer/team.hpp>
 #include <stdexcept>
+#include <utility>
 
 namespace regista::soccer {
 
@@ -63,7 +64,8 @@ void TeamRobot::remind(const Pose2d& goal, Time now) {
   if (drives || !robot_.connection().extended() || !may_command(now)) return;
   try {
     base_.go_to(goal);
-  } catch (const client::Error&) {  // the others go on
+  } catch (const client::Error&) {
+    ++unsent_;
   }
 }
 
@@ -89,7 +91,7 @@ bool TeamRobot::may_command(Time now) {
 // -- All of them
 
 Team::Team(const std::filesystem::path& config, ssl::Team team, const TeamOptions& options)
-    : options_{options}, team_{team}, avoidance_{avoidance_config(options)} {
+    : options_{options}, avoidance_{avoidance_config(options)} {
   if (!(options.turn_rate_radps > 0) || !(options.gain > 0))
     throw std::invalid_argument{"turn_rate_radps and gain must be above 0"};
   if (options_.name.empty()) options_.name = team == ssl::Team::yellow ? "yellow team" : "blue team";
@@ -106,7 +108,8 @@ Team::Team(const std::filesystem::path& config, ssl::Team team, const TeamOption
 }
 
 TeamRobot& Team::operator[](int number) {
-  const auto found = std::ranges::find_if(robots_, [&](const TeamRobot& robot) { return robot.id_.number == number; });
+  const auto found =
+      std::ranges::find_if(robots_, [&](const TeamRobot& robot) { return std::cmp_equal(robot.id_.number, number); });
   if (found == robots_.end())
     throw std::out_of_range{"no robot " + std::to_string(number) + " of this team in the configuration"};
   return *found;
@@ -222,6 +225,7 @@ void Team::steer(Time now) {
       robot->base_.set_velocity(to_body(velocity, here.heading));
       robot->commanded_ = velocity;
     } catch (const client::Error&) {  // it takes no bytes: the others go on, and its lease stops it
+      ++robot->unsent_;
     }
   }
   for (TeamRobot& robot : robots_) {

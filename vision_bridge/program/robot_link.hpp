@@ -9,7 +9,6 @@
 #include <regista/core/geometry.hpp>
 #include <regista/vision/config.hpp>
 
-
 namespace regista::vision {
 
 /// A window over the last values of something.

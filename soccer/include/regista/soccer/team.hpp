@@ -60,6 +60,9 @@ class TeamRobot {
   /// Charge, ball, kicks; the first use subscribes, and it says something once read() has brought it.
   [[nodiscard]] const kicker::State& kicker_state() { return kicker().state(); }
 
+  /// Commands that read() could not send, because the server took no bytes.
+  [[nodiscard]] std::uint64_t unsent() const { return unsent_; }
+
   /// All the rest.
   [[nodiscard]] client::Robot& robot() { return robot_; }
 
@@ -86,6 +89,7 @@ class TeamRobot {
   std::string owner_;  ///< as whom the server knows us
   Wish wish_;
   FieldVelocity commanded_;
+  std::uint64_t unsent_ = 0;
   Time tried_{};  ///< when it was last commanded although it did not drive for us
 };
 
@@ -130,7 +134,6 @@ class Team {
   [[nodiscard]] FieldVelocity preferred(const TeamRobot& robot, const Pose2d& here) const;
 
   TeamOptions options_;
-  ssl::Team team_;
   control::Avoidance avoidance_;
   client::Team connections_;
   std::deque<TeamRobot> robots_;
