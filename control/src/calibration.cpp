@@ -179,4 +179,32 @@ double CompassCalibration::error(double measured_rad) const {
   return a + b * s1 + c * c1 + d * 2 * s1 * c1 + e * (c1 * c1 - s1 * s1);
 }
 
+Result<WheelCalibration> umbmark(double left_radius_m, double right_radius_m, double track_m, double side_m,
+                                 const SquareError& clockwise, const SquareError& counter_clockwise) {
+  for (const double value : {left_radius_m, right_radius_m, track_m, side_m}) {
+    if (!(value > 0 && std::isfinite(value))) {
+      return Error{std::errc::invalid_argument, "radii, track and the side of the square must be above 0"};
+    }
+  }
+  const SquareError& cw = clockwise;
+  const SquareError& ccw = counter_clockwise;
+  for (const double error : {cw.x_m, cw.y_m, ccw.x_m, ccw.y_m}) {
+    if (!(std::abs(error) <= side_m / 4)) {
+      return Error{std::errc::invalid_argument,
+                   "errors above a quarter of the side: it slipped, or see the dimensions"};
+    }
+  }
+  // To first order, with `over` the angle too much at each corner and `left` the one that each side bends to the left,
+  // the errors are 2 L (over - left, over - left) clockwise and 2 L (over + left, -over - left) counter-clockwise.
+  const double over = (cw.x_m + cw.y_m + ccw.x_m - ccw.y_m) / (8 * side_m);
+  const double left = (ccw.x_m - ccw.y_m - cw.x_m - cw.y_m) / (8 * side_m);
+  constexpr double corner = std::numbers::pi / 2;
+  const double track = track_m * corner / (corner + over);
+  const double curvature = 2 * std::sin(left / 2) / side_m;
+  const double right_by_left = (1 + curvature * track / 2) / (1 - curvature * track / 2);
+  return WheelCalibration{.left_radius_m = left_radius_m * 2 / (1 + right_by_left),
+                          .right_radius_m = right_radius_m * 2 / (1 + 1 / right_by_left),
+                          .track_m = track};
+}
+
 }  // namespace regista::control

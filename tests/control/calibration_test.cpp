@@ -147,5 +147,53 @@ TEST(CompassCalibration, refuses_a_deviation_steeper_than_the_heading) {
   EXPECT_NO_THROW(CompassCalibration({0.1, 0.1, 0.1, 0.05, 0}));
 }
 
+struct Dimensions {
+  double left_m;
+  double right_m;
+  double track_m;
+};
+
+/// Where a base that believes in `nominal` ends after a square of 4 m that its odometry sees closed.
+SquareError square(const Dimensions& nominal, const Dimensions& real, double direction) {
+  Pose2d pose;
+  const auto move = [&](double way_m, double turn_rad) {
+    const double left_rad = (way_m - turn_rad * nominal.track_m / 2) / nominal.left_m;
+    const double right_rad = (way_m + turn_rad * nominal.track_m / 2) / nominal.right_m;
+    const double left = left_rad * real.left_m;
+    const double right = right_rad * real.right_m;
+    pose = travelled(pose, {.x = (left + right) / 2, .w = (right - left) / real.track_m}, std::chrono::seconds{1});
+  };
+  for (int side = 0; side < 4; ++side) {
+    move(4, 0);
+    move(0, direction * std::numbers::pi / 2);
+  }
+  return {pose.x, pose.y};
+}
+
+TEST(Umbmark, leaves_a_tenth_of_the_error) {
+  const Dimensions real{0.1003, 0.0997, 0.404};
+  const Dimensions nominal{0.1, 0.1, 0.4};
+  const SquareError cw = square(nominal, real, -1);
+  const SquareError ccw = square(nominal, real, 1);
+  EXPECT_GT(std::hypot(ccw.x_m, ccw.y_m), 0.1);
+  const auto found = umbmark(0.1, 0.1, 0.4, 4, cw, ccw);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->track_m, real.track_m, 4e-4);
+  EXPECT_NEAR(found->right_radius_m / found->left_radius_m, real.right_m / real.left_m, 6e-4);
+  EXPECT_NEAR(found->right_radius_m + found->left_radius_m, 0.2, 1e-5);
+  const Dimensions corrected{found->left_radius_m, found->right_radius_m, found->track_m};
+  for (const double direction : {-1.0, 1.0}) {
+    const SquareError before = square(nominal, real, direction);
+    const SquareError after = square(corrected, real, direction);
+    EXPECT_LT(std::hypot(after.x_m, after.y_m), 0.1 * std::max(0.1, std::hypot(before.x_m, before.y_m)));
+  }
+}
+
+TEST(Umbmark, refuses_errors_that_no_dimension_explains) {
+  EXPECT_FALSE(umbmark(0.1, 0.1, 0.4, 4, {1.1, 0}, {}));
+  EXPECT_FALSE(umbmark(0.1, 0.1, 0.4, 0, {}, {}));
+  EXPECT_FALSE(umbmark(0.1, 0.1, 0.4, 4, {std::nan(""), 0}, {}));
+}
+
 }  // namespace
 }  // namespace regista::control

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "can_motor.hpp"
 
+#include <malloc.h>
+
+#include <cstdlib>
 #include <numbers>
 
 #include "bench.hpp"
@@ -287,6 +290,51 @@ TEST(CanMotor, switches_outputs_of_drives_and_leaves_their_other_bits) {
   EXPECT_EQ(bench.events().find("refused"), std::string::npos);
   bench.send(dio::OutputCommand{.count = 4, .bits = 0}, 2);
   EXPECT_EQ(bench.events(), "dio:0 refused: there are 3 relays, and 4 bits\n");
+}
+
+/// Ten minutes; REGISTA_SOAK_HOURS=24 makes it a day, in some minutes.
+TEST(CanMotor, drives_on_without_growth_or_drift) {
+  const char* hours = std::getenv("REGISTA_SOAK_HOURS");
+  const Duration limit = hours != nullptr ? std::chrono::hours{std::stoi(hours)} : Duration{10min};
+  sim::CanDrives drives{nodes, {}};
+  can_motor::DriveSettings settings{.position = true, .max_speed = 4000};
+  std::string told;
+  can_motor::DriveGroup group{drives.port(),
+                              nodes,
+                              settings,
+                              {{}, {}},
+                              {},
+                              {.stopped = [&](const std::string& why) { told += why; },
+                               .tell =
+                                   [&](std::uint8_t severity, const std::string& text) {
+                                     if (severity > 0) told += text;
+                                   }}};
+  Time now{1000s};
+  const auto run = [&](Duration duration) {
+    for (const Time end = now + duration; now < end; now += 100ms) ASSERT_TRUE(drives.run(group, now));
+  };
+  run(1s);
+  group.enable([](const Result<>& done) { ASSERT_TRUE(done); }, now);
+  run(1s);
+  std::size_t after_a_minute = 0;
+  const Time begin = now;
+  for (int second = 0; now - begin < limit; ++second) {
+    const std::array targets{1000 + second % 700, -500 - second % 900};
+    ASSERT_TRUE(group.set_targets(targets, now));
+    run(1s);
+    if (second == 60) after_a_minute = mallinfo2().uordblks;
+  }
+  EXPECT_EQ(told, "");
+  EXPECT_LT(mallinfo2().uordblks, after_a_minute + 4096);
+  EXPECT_EQ(group.master().statistics().saturated, 0U);
+  ASSERT_TRUE(group.set_targets(std::array{0, 0}, now));
+  run(2s);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const double truth = drives.drive(i).drive().turns();
+    EXPECT_NEAR(static_cast<double>(group.drives()[i].increments()) / 4096, truth, 1.0 / 4096) << "exactly";
+    // Rounded to whole rpm, and a trapezoid every 20 ms: no way gets lost on average.
+    EXPECT_NEAR(group.drives()[i].way() / 60, truth, 1e-4 * std::abs(truth));
+  }
 }
 
 TEST(CanMotor, names_what_is_wrong_with_its_keys) {

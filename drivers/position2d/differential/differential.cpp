@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <regista/control/calibration.hpp>
 #include <sstream>
 
 namespace regista {
@@ -107,7 +108,6 @@ void Differential::set_dimensions(double left_radius_m, double right_radius_m, d
 Result<> Differential::open() {
   before_.reset();
   asked_ = false;
-  fresh_ = false;
   target_ = commanded_ = velocity_ = {};
   at_rest_ = true;
   return {};
@@ -161,7 +161,11 @@ void Differential::on_wheels(const actarray::State& state, Time measured) {
   }
   before_ = state;
   measured_ = measured;
-  fresh_ = true;
+  const bool stalled = std::ranges::any_of(
+      state.actuators, [](const actarray::Actuator& wheel) { return wheel.state == actarray::ActuatorState::stalled; });
+  // At once, not with the next beat: whoever steers by it waits for it.
+  base_.send(position2d::State{.pose = pose_, .velocity = velocity_, .stalled = static_cast<std::uint8_t>(stalled)},
+             measured_);
 }
 
 Result<> Differential::read(const Tick& tick) {
@@ -203,15 +207,6 @@ void Differential::command_wheels() {
   if (wheels_.send(command)) at_rest_ = rest;
 }
 
-void Differential::publish() {
-  if (!std::exchange(fresh_, false)) return;
-  const bool stalled = std::ranges::any_of(before_->actuators, [](const actarray::Actuator& wheel) {
-    return wheel.state == actarray::ActuatorState::stalled;
-  });
-  base_.send(position2d::State{.pose = pose_, .velocity = velocity_, .stalled = static_cast<std::uint8_t>(stalled)},
-             measured_);
-}
-
 void Differential::halt() noexcept {
   target_ = commanded_ = {};
   if (!at_rest_) command_wheels();
@@ -225,6 +220,19 @@ void Differential::calibrate() {
   const auto number = [&](double& value) { return static_cast<bool>(words >> value) && std::isfinite(value); };
   if (what == "start") {
     run_ = Sides{};
+    return;
+  }
+  if (what == "umbmark") {
+    double side_m = 0;
+    control::SquareError cw;
+    control::SquareError ccw;
+    if (!number(side_m) || !number(cw.x_m) || !number(cw.y_m) || !number(ccw.x_m) || !number(ccw.y_m)) {
+      return refuse("umbmark takes the side and four errors, clockwise X Y, counter-clockwise X Y, in metres");
+    }
+    const auto found = control::umbmark(left_radius_m_, right_radius_m_, track_m_, side_m, cw, ccw);
+    if (!found) return refuse(found.error().what);
+    set_dimensions(found->left_radius_m, found->right_radius_m, found->track_m);
+    base_.tell(0, "position2d: calibrated: " + *calibration_);
     return;
   }
   double known = 0;
@@ -242,7 +250,7 @@ void Differential::calibrate() {
     if (scale < 0.25 || scale > 4) return refuse("that would change the track by more than a factor of 4");
     set_dimensions(left_radius_m_, right_radius_m_, track_m_ * scale);
   } else {
-    return refuse("no \"" + what + "\"; there are \"start\", \"distance\" and \"angle\"");
+    return refuse("no \"" + what + "\"; there are \"start\", \"distance\", \"angle\" and \"umbmark\"");
   }
   run_.reset();
   base_.tell(0, "position2d: calibrated: " + *calibration_);

@@ -34,7 +34,7 @@ class Differential final : public Driver {
 
   Result<> open() override;
   Result<> read(const Tick& tick) override;
-  void publish() override;
+  void publish() override {}  // what the wheels tell goes on when it comes
   void halt() noexcept override;
 
  private:
@@ -75,7 +75,6 @@ class Differential final : public Driver {
   std::optional<actarray::State> before_;
   Time measured_;
   bool powered_ = false;
-  bool fresh_ = false;
 
   Pose2d pose_;
   BodyVelocity velocity_;

@@ -39,6 +39,20 @@ struct WheelCalibration {
 /// step: it allocates.
 Result<WheelCalibration> calibrate_wheels(std::span<const WheelSample> run);
 
+/// Where a differential base really was minus where its odometry said, in the frame of the start, after a square.
+struct SquareError {
+  double x_m = 0;
+  double y_m = 0;
+};
+
+/// What a base with these nominal dimensions must have for its squares to close (UMBmark: Borenstein, Feng 1996,
+/// "Measurement and correction of systematic odometry errors in mobile robots", IEEE T-RA 12(6), eqs. 10 to 17). The
+/// squares begin along +x and turn by 90° at the corners, as odometry sees it: one clockwise, one counter-clockwise;
+/// the errors are means of several runs. The mean of the radii is kept. Fails with invalid_argument for numbers that
+/// are not finite, a side that is not positive, or errors above a quarter of it. The standard deviations are 0.
+Result<WheelCalibration> umbmark(double left_radius_m, double right_radius_m, double track_m, double side_m,
+                                 const SquareError& clockwise, const SquareError& counter_clockwise);
+
 /// One line of a recorded run: what the compass showed and what it should have shown.
 struct CompassSample {
   double measured_rad = 0;
