@@ -126,10 +126,12 @@ TEST_F(Battery, thresholds_may_be_voltages) {
 TEST_F(Battery, a_missing_one_is_refused_with_those_there_are) {
   write("power_supply/AC", {{"type", "Mains"}});
   const std::string folder = (root_ / "class/power_supply").string();
-  EXPECT_EQ(bench().subscribed().error().what, "no battery in " + folder + ", only AC");
-  EXPECT_EQ(bench("supply \"BAT1\"").subscribed().error().what, "no supply 'BAT1' in " + folder + ", only AC");
-  EXPECT_EQ(bench("sensor \"ina226\"").subscribed().error().what,
-            "no sensor 'ina226' in " + (root_ / "class/hwmon").string() + ", which is empty");
+  const auto refusal = [this](const char* keys) { return bench(keys).subscribed().error().what; };
+  EXPECT_NE(refusal("").find("no battery in " + folder + ", only AC"), std::string::npos) << refusal("");
+  EXPECT_NE(refusal("supply \"BAT1\"").find("no supply 'BAT1' in " + folder + ", only AC"), std::string::npos);
+  EXPECT_NE(refusal("sensor \"ina226\"")
+                .find("no sensor 'ina226' in " + (root_ / "class/hwmon").string() + ", which is empty"),
+            std::string::npos);
 }
 
 TEST_F(Battery, taken_out_is_a_fault_and_put_in_again_it_goes_on) {
