@@ -220,6 +220,7 @@ def test_a_robot_that_was_stopped_by_others_says_by_whom(shared, visit):
     with Observer(robot) as seen:
         drives(page, seen)
         with regista.Robot("127.0.0.1", robot.port, name="umpire") as umpire:
+            umpire.position2d()
             umpire.stop()
             wait_for(lambda: seen.state != "driving")
             page.locator("#log", has_text='stopped: "umpire" asked for a stop').wait_for()

@@ -598,7 +598,8 @@ function drawRobots(): void {
       chip.setAttribute("aria-pressed", String(robot.number === world.chosen));
       const dot = make("i");
       dot.style.background = color(robot.number);
-      chip.append(dot, make("span", robot.label), make("small"));
+      chip.append(dot, make("span", world.short(robot)), make("small"));
+      chip.title = robot.label;
       return chip;
     }),
   );
@@ -776,10 +777,12 @@ function drawHealth(robot: Robot | null, base: string | null): void {
       age === null ? "none yet" : milliseconds(age * 1000),
       age !== null && age > 0.5 ? "warn" : "",
     ]);
-    const camera = robot.devices.find((d) => d.address.startsWith("position2d:") && !robot.bases().includes(d.address));
-    const seen = camera ? robot.age(camera.address, now) : null;
-    if (camera && seen !== null) facts.push(["Vision age", milliseconds(seen * 1000), seen > 0.1 ? "warn" : ""]);
-    if (world.visionTrouble) facts.push(["Vision", world.visionTrouble, "warn"]);
+    const seen = robot.camera ? robot.age(robot.camera, now) : null;
+    if (robot.vision) {
+      const age = seen === null ? "" : `, seen ${milliseconds(seen * 1000)} ago`;
+      facts.push(["Vision", robot.vision + age, /good|unused/.test(robot.vision) ? "" : "warn"]);
+    }
+    if (world.visionTrouble) facts.push(["Cameras", world.visionTrouble, "warn"]);
     const gps = robot.device("gps")?.address;
     if (gps && robot.get(gps, "quality") !== null) {
       const fix = ["no fix", "GPS", "differential"][robot.get(gps, "quality") ?? 0] ?? "fix";

@@ -482,7 +482,7 @@ export class FieldMap {
     const ink = this.world.field ? "on-field" : stale ? "muted" : "text";
     context.fillStyle = this.#style[ink] as string;
     const seconds = age === null ? "" : ` · ${age < 10 ? age.toFixed(1) : age.toFixed(0)} s old`;
-    const label = stale ? `${robot.label}${seconds}` : robot.label;
+    const label = this.world.short(robot) + (stale ? seconds : "");
     context.strokeStyle = (this.world.field ? this.#style.field : this.#style.card) as string;
     context.lineWidth = 4;
     context.lineJoin = "round";

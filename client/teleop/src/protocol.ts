@@ -66,7 +66,7 @@ export type FromGateway =
       streams: { device: string; name: string; paths: string[] }[];
     })
   | (FromRobot & { t: "gone" })
-  | (FromRobot & { t: "status"; round_trip_s: number; drivers: Driver[] })
+  | (FromRobot & { t: "status"; round_trip_s: number; drivers: Driver[]; vision?: string })
   | (FromRobot & { t: "event"; severity: number; text: string })
   | (FromRobot & { t: "mission"; device: string } & Mission)
   // Of each stream that has news: its number, age [s] and values.

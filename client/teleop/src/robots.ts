@@ -44,6 +44,7 @@ interface Stream {
 
 const TRACE_POINTS = 1500;
 const TRACE_STEP = 0.03; // m
+const TRACE_JUMP = 0.5; // m
 
 export class Robot {
   connected = false;
@@ -53,6 +54,7 @@ export class Robot {
   streams: Stream[] = [];
   drivers: Driver[] = [];
   roundTrip: number | null = null; // s
+  vision = ""; // what the base says of its camera
   missions = new Map<string, Mission>();
   trace: { x: number; y: number }[] = [];
   chosenBase: string | null = null;
@@ -90,11 +92,18 @@ export class Robot {
     return this.streams.flatMap((stream) => stream.paths.map((path): [string, string] => [stream.device, path]));
   }
 
-  /** The bases that may be driven: those that belong to somebody; of a stock server, all. */
+  /** The bases that may be driven: those that can belong to somebody; of a stock server, all. */
   bases(): string[] {
-    const bases = this.devices.filter((device) => device.address.startsWith("position2d:")).map((d) => d.address);
-    const driven = bases.filter((address) => this.motion(address));
-    return driven.length > 0 ? driven : bases;
+    const camera = this.camera;
+    const bases = this.devices.map((device) => device.address).filter((address) => address.startsWith("position2d:"));
+    const driven = bases.filter((address) => address !== camera && this.motion(address));
+    return driven.length > 0 ? driven : bases.filter((address) => address !== camera);
+  }
+
+  /** What tells where a camera saw the robot: the second base of the driver ssl_robot. */
+  get camera(): string | null {
+    const bases = this.devices.filter((d) => d.driver === "ssl_robot" && d.address.startsWith("position2d:"));
+    return bases[1]?.address ?? null;
   }
 
   get base(): string | null {
@@ -167,6 +176,7 @@ export class Robot {
     const last = this.trace[this.trace.length - 1];
     const step = last ? Math.hypot(pose.x - last.x, pose.y - last.y) : Number.POSITIVE_INFINITY;
     if (step < TRACE_STEP) return;
+    if (step > TRACE_JUMP) this.trace = []; // it was put elsewhere, or learnt where it is
     this.trace.push({ x: pose.x, y: pose.y });
     if (this.trace.length > TRACE_POINTS) this.trace.shift();
   }
@@ -190,6 +200,14 @@ export class World {
 
   get robot(): Robot | null {
     return this.chosen === null ? null : (this.robots.get(this.chosen) ?? null);
+  }
+
+  /** A robot's label, without the host where all have the same. */
+  short(robot: Robot): string {
+    const host = robot.label.replace(/:\d+$/, "");
+    const alone = this.robots.size < 2 || host === robot.label;
+    const same = [...this.robots.values()].every((other) => other.label.replace(/:\d+$/, "") === host);
+    return !alone && same ? robot.label.slice(host.length + 1) : robot.label;
   }
 
   note(label: string, severity: number, text: string): void {
@@ -230,6 +248,7 @@ export class World {
         if (!robot) break;
         robot.drivers = message.drivers;
         robot.roundTrip = message.round_trip_s;
+        robot.vision = message.vision ?? "";
         break;
       }
       case "event":

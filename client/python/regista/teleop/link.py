@@ -79,6 +79,7 @@ class Link:
         self._hands: dict[str, Hand] = {}
         self._missions: dict[str, Mission] = {}
         self._look = asyncio.Event()
+        self._seen: str | None = None
         self._tell("robot", label=label, connected=False, why="connecting", devices=[], streams=[])
 
     async def run(self) -> None:
@@ -98,7 +99,8 @@ class Link:
     async def _serve(self, robot: regista.asyncio.Robot) -> None:
         streams: list[Stream] = []
         devices = []
-        for info in await robot.devices():
+        infos = await robot.devices()
+        for info in infos:
             interface = info.address.partition(":")[0]
             if interface not in SHOWN:
                 continue
@@ -116,6 +118,10 @@ class Link:
                     device["size"] = [size.length, size.width]
                 elif interface == "kicker":
                     device["limits"] = (await proxy.request(kicker.GetLimits())).to_dict()
+        bases = [
+            info.address for info in infos if info.driver == "ssl_robot" and info.address.startswith("position2d:")
+        ]
+        self._seen = bases[0] if bases else None
         self._robot = robot
         self.streams = streams
         described = [{"device": s.address, "name": s.name, "paths": s.paths} for s in streams]
@@ -139,11 +145,21 @@ class Link:
             self._tell("status", round_trip_s=time.monotonic() - asked, drivers=[])
             return
         status = await robot.status()
-        self._tell("status", round_trip_s=time.monotonic() - asked, drivers=status["drivers"])
+        round_trip = time.monotonic() - asked
+        self._tell("status", round_trip_s=round_trip, drivers=status["drivers"], vision=await self._vision(robot))
         for driver in status["drivers"]:
             for device in driver["devices"]:
                 for motion in device["motion"]:
                     self._watch_mission(device["device"], motion)
+
+    async def _vision(self, robot: regista.asyncio.Robot) -> str:
+        """What the driver ssl_robot thinks of its camera: good, stale, lost …; empty of other drivers."""
+        if self._seen is None:
+            return ""
+        try:
+            return await robot._devices[self._seen].property("vision", str)
+        except (regista.RefusedError, KeyError):
+            return ""
 
     def _watch_mission(self, address: str, motion: dict[str, Any]) -> None:
         """A destination that the base did not take up has failed, and says why."""
