@@ -16,13 +16,13 @@ trap end EXIT
 trap 'exit 0' INT TERM
 read -r -t 20 ready <&"${SERVING[0]}" || die "the server did not start"
 say "$ready"
-say "A field robot drives a mission on wheels, compass and GPS: examples/09_mission.cpp."
+say "A field robot drives a mission on wheels, compass and GPS: examples/11_mission.cpp."
 
 sleep "$seconds" &
 timer=$!
 arrived=0
 while kill -0 "$timer" 2>/dev/null; do
-  build/examples/09_mission > >(sed -u 's/^/  /') &
+  build/examples/11_mission > >(sed -u 's/^/  /') &
   mission=$!
   wait -n -p ended "$mission" "$timer" "$server" || die "the mission was not driven to its end"
   if [[ $ended == "$server" ]]; then die "the server ended"; fi

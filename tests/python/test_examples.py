@@ -12,7 +12,7 @@ import pytest
 from conftest import BIN, Server
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-CONFIGS = {"06_two_robots": "two_robots.cfg", "08_opaque": "opaque.cfg", "09_mission": "field.cfg"}
+CONFIGS = {"06_two_robots": "two_robots.cfg", "08_opaque": "opaque.cfg", "11_mission": "field.cfg"}
 NAMES = sorted(path.stem for path in EXAMPLES.glob("[0-9]*.py"))
 ON_A_FIELD = ["09_team", "10_destinations"]
 
