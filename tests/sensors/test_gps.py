@@ -282,7 +282,7 @@ def test_gpsd_is_restarted(tmp_path):
                 assert listener.open(GPS) == ACK
                 assert listener.open(LOCALIZE) == ACK
                 listener.next(LOCALIZE)
-                assert "write `datum [63.41" in server.log()
+                wait_for(lambda: "write `datum [63.41" in server.log())
                 gpsd.stop()
                 wait_for(lambda: f"gpsd at 127.0.0.1:{port} ended" in server.log())
                 receiver.latitude += 9e-5
