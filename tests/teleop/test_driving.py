@@ -184,6 +184,6 @@ def test_a_recording_is_played_as_a_robot(page, seen, shared):
     chip = page.locator(".chip", has_text=".mcap")
     chip.click()
     page.locator("#driver", has_text=".mcap").wait_for()
-    page.locator("#moving", has_text=re.compile(r"x 0\.[3-9]")).wait_for()
+    page.locator("#moving", has_text=re.compile(r"x (0\.[3-9]|[1-9])")).wait_for()
     page.locator("#end-play").click()
     chip.wait_for(state="detached")
