@@ -20,25 +20,25 @@ namespace regista {
 ///
 /// Properties, for people, renewed four times a second: `bus`, and for each node N `nodeN` and `nodeN.emcy`.
 ///
-/// | Key           | Value                                                                          | Default       |
-/// |---------------|--------------------------------------------------------------------------------|---------------|
-/// | `bus`         | "can0", "socketcand://robot:29536/can0", "simulated"                           | must be there |
-/// | `bit_rate`    | [bit/s] of it, for the bus load; a real interface is set up by the system      | 500000        |
-/// | `nodes`       | node ids of the drives, up to eight                                            | must be there |
-/// | `master`      | our own node id                                                                | 127           |
-/// | `profile`     | "cia402", "sevcon"                                                             | "cia402"      |
-/// | `vendor`, `product` | 1018:01 and :02 that the drives must have, "0x1E"                        | any           |
-/// | `dcf`         | what is to be written to the drives: one file for all, or one for each         | nothing       |
-/// | `gear`        | turns of the motor for one of the wheel                                        | 1             |
-/// | `reversed`    | nodes whose motor turns backwards when the wheel goes forward                  | none          |
-/// | `velocity_unit` | [rpm of the motor] of 60FF and 606C                                          | 1             |
-/// | `increments`  | of 6064 in a turn of the motor; 0: the drives have none, and the angle is the integral of the
-/// speed | 0 | | `wheel_speed` | [angle/s] largest                                                              | must
-/// be there | | `wheel_accel`, `wheel_decel`, `quick_stop` | [angle/s²] of the drive's own ramps                | the
-/// drive's   | | `torque`      | [%] largest (6072)                                                             | 100 |
-/// | `cycle`       | [s] between two set-points                                                     | 0.02          |
-/// | `feedback`    | [s] between two messages of a drive                                            | 0.02          |
-/// | `relays`      | outputs, each "NODE OBJECT BIT", as "5 60FE:01 16"                             | none          |
+/// | Key                       | Value                                                              | Default       |
+/// |---------------------------|--------------------------------------------------------------------|---------------|
+/// | `bus`                     | "can0", "socketcand://robot:29536/can0", "simulated"               | must be there |
+/// | `bit_rate`                | [bit/s] for the bus load; the system sets up a real interface      | 500000        |
+/// | `nodes`                   | node ids of the drives, up to eight                                | must be there |
+/// | `master`                  | our own node id                                                    | 127           |
+/// | `profile`                 | "cia402", "sevcon"                                                 | "cia402"      |
+/// | `vendor`, `product`       | 1018:01 and :02 that the drives must have, "0x1E"                  | any           |
+/// | `dcf`                     | what is to be written to the drives: one file, or one for each     | nothing       |
+/// | `gear`                    | turns of the motor for one of the wheel                            | 1             |
+/// | `reversed`                | nodes whose motor turns backwards when the wheel goes forward      | none          |
+/// | `velocity_unit`           | [rpm of the motor] of 60FF and 606C                                | 1             |
+/// | `increments`              | of 6064 in a turn of the motor; 0: angles integrate the speed      | 0             |
+/// | `wheel_speed`             | [angle/s] largest                                                  | must be there |
+/// | `wheel_accel`, `wheel_decel`, `quick_stop` | [angle/s²] of the drive's own ramps               | the drive's   |
+/// | `torque`                  | [%] largest (6072)                                                 | 100           |
+/// | `cycle`                   | [s] between two set-points                                         | 0.02          |
+/// | `feedback`                | [s] between two messages of a drive                                | 0.02          |
+/// | `relays`                  | outputs, each "NODE OBJECT BIT", as "5 60FE:01 16"                 | none          |
 class CanMotor final : public Driver {
  public:
   /// The bus that the `.cfg` names.
