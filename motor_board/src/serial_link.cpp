@@ -43,6 +43,7 @@ class SerialLink final : public BoardLink {
     if (!descriptor_) return failed("open ");
     // The lock keeps another regista away, also one of root's; TIOCEXCL all others.
     if (::flock(descriptor_.get(), LOCK_EX | LOCK_NB) != 0) {
+      descriptor_ = {};
       return Error{std::errc::device_or_resource_busy, "open " + device_ + " (another program has it)"};
     }
     termios settings{};
@@ -60,7 +61,11 @@ class SerialLink final : public BoardLink {
     return {};
   }
 
-  void close() noexcept override { descriptor_ = {}; }
+  void close() noexcept override {
+    // It stays with a terminal that others have open, as the board's side of a pty is.
+    if (descriptor_) (void)::ioctl(descriptor_.get(), TIOCNXCL);
+    descriptor_ = {};
+  }
 
   Result<> send(std::span<const std::uint8_t> bytes) override {
     if (::write(descriptor_.get(), bytes.data(), bytes.size()) >= 0 || errno == EAGAIN || errno == EINTR) return {};
