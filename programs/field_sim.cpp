@@ -62,9 +62,9 @@ class Cameras {
 
   void step(const sim::Field& field, Duration dt) {
     now_ += dt;
-    std::map<int, ssl::Detection> frames;
+    std::map<std::pair<Duration, int>, ssl::Detection> frames;  // the oldest first
     const auto frame_of = [&](const sim::Detection& seen) -> ssl::Detection& {
-      ssl::Detection& frame = frames[seen.camera];
+      ssl::Detection& frame = frames[{-seen.age, seen.camera}];
       frame.t_sent_s = seconds(now_);
       frame.t_capture_s = seconds(now_ - seen.age) + options_.hidden_s;
       return frame;
@@ -80,7 +80,7 @@ class Cameras {
       frame_of(seen).balls.push_back({.x_m = seen.pose.x, .y_m = seen.pose.y});
     }
     if (covered != 0) return;
-    for (auto& [camera, frame] : frames) send(camera, frame);
+    for (auto& [exposure, frame] : frames) send(exposure.second, frame);
     if (now_ >= geometry_due_) {
       geometry_due_ = now_ + geometry_period;
       ssl::Geometry geometry{.length_m = field_.length_m, .width_m = field_.width_m, .boundary_m = field_.boundary_m};
@@ -133,6 +133,10 @@ class Cameras {
         robot.x_m = -robot.x_m;
         robot.y_m = -robot.y_m;
         robot.heading_rad = wrap_angle(*robot.heading_rad + std::numbers::pi);
+      }
+      for (ssl::DetectedBall& ball : frame.balls) {
+        ball.x_m = -ball.x_m;
+        ball.y_m = -ball.y_m;
       }
     }
     (void)sender_.send(ssl::encode({.detection = frame, .geometry = {}}));

@@ -36,7 +36,9 @@ WaypointMission::Output WaypointMission::step(const Input& input, Duration dt) {
   const Pose2d& next = waypoints_[current_].pose;
   if (parking_.pose()) output.distance_m = distance(*parking_.pose(), next);
   if (paused_) return output;
-  if (phase_ == Phase::driving && parking_.pose() && !parking_.parked()) {
+  // resume() gives the estimates time to come, not the robot time to drive blind.
+  const bool sees = parking_.pose() && parking_.age() <= config_.estimate_timeout;
+  if (phase_ == Phase::driving && sees && !parking_.parked()) {
     output.command = law_.step(*parking_.pose(), next).command;
   }
   if (phase_ == Phase::lowering) output.tool = ToolAction::lower;

@@ -59,6 +59,12 @@ bool ParkingDetector::believes(const Pose2d& estimate) {
   return suspects_ >= config_.believe_after;
 }
 
+void ParkingDetector::forget() {
+  believed_.reset();
+  suspect_.reset();
+  suspects_ = 0;
+}
+
 void ParkingDetector::next_goal() {
   parked_ = false;
   streak_ = 0;

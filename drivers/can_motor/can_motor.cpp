@@ -160,6 +160,11 @@ CanMotor::CanMotor(Setup& setup, std::unique_ptr<BusLink> link)
       angles_rad_(nodes_.size()) {
   const Section& config = setup.config;
   (void)config.text("bus", "");
+  if (std::ranges::find(nodes_, options_.master) != nodes_.end())
+    throw config.error("master", "must be none of 'nodes'");
+  if (fastest_radps_ * read_units_per_radps(config) > std::numeric_limits<std::int32_t>::max()) {
+    throw config.error("velocity_unit", "is too small: 'wheel_speed' does not fit into 60FF");
+  }
   const std::vector<double> reversed = config.numbers("reversed", {});
   for (const double node : reversed) {
     if (std::ranges::find(nodes_, node) == nodes_.end()) throw config.error("reversed", "must be some of 'nodes'");
@@ -229,6 +234,11 @@ Result<> CanMotor::switch_relays(const dio::OutputCommand& command) {
     return Error{std::errc::invalid_argument, "there are " + std::to_string(relays_.size()) + " relays, and " +
                                                   std::to_string(command.count) + " bits"};
   }
+  for (std::size_t i = 0; i < command.count; ++i) {
+    if (const DriveNode& drive = drive_of(relays_[i]); !drive.ready()) {
+      return Error{std::errc::not_connected, "node " + std::to_string(drive.node()) + ": " + drive.describe()};
+    }
+  }
   const std::uint32_t meant = command.count < 32 ? (1U << command.count) - 1 : ~0U;
   wanted_outputs_ = (wanted_outputs_ & ~meant) | (command.bits & meant);
   for (std::size_t i = 0; i < command.count; ++i) {
@@ -241,6 +251,10 @@ Result<> CanMotor::switch_relays(const dio::OutputCommand& command) {
     if (Result<> begun = switch_object(relays_[i]); !begun) return begun;
   }
   return {};
+}
+
+const DriveNode& CanMotor::drive_of(const Relay& relay) const {
+  return *std::ranges::find(group_->drives(), relay.node, &DriveNode::node);
 }
 
 Result<> CanMotor::switch_object(const Relay& relay) {
@@ -299,6 +313,7 @@ Result<> CanMotor::open() {
   link_->join(*group_);
   descriptor_ = link_->descriptor();
   std::ranges::fill(targets_, 0);
+  wanted_outputs_ = outputs_ = 0;
   return {};
 }
 
@@ -334,6 +349,12 @@ Result<> CanMotor::read(const Tick& tick) {
   now_ = tick.now;
   if (Result<> ran = link_->run(tick.now); !ran) return ran;
   if (group_->broken()) return *group_->broken();
+  // What was wanted of a drive that went away is not wanted of the one that comes back.
+  for (std::size_t i = 0; i < relays_.size(); ++i) {
+    if (drive_of(relays_[i]).ready()) continue;
+    wanted_outputs_ &= ~(1U << i);
+    outputs_ &= ~(1U << i);
+  }
   if (now_ - diagnosed_ >= diagnosis_period) diagnose(now_);
   return {};
 }

@@ -68,6 +68,7 @@ class CanMotor final : public Driver {
   };
 
   Result<> set_speeds(std::span<const float> radps);
+  [[nodiscard]] const can_motor::DriveNode& drive_of(const Relay& relay) const;
   Result<> switch_relays(const dio::OutputCommand& command);
   Result<> switch_object(const Relay& relay);
   void diagnose(Time now);

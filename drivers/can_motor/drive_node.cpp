@@ -87,6 +87,12 @@ void DriveNode::fail(const std::string& why) {
   failed_ = why;
 }
 
+/// Trouble first, while it is up: the quick stop goes to it, too. Perhaps it only cannot be heard.
+void DriveNode::lose(const std::string& why) {
+  events_.trouble(title() + ": " + why);
+  fail(why);
+}
+
 void DriveNode::read(ObjectIndex object, std::function<void(const Result<Bytes>&)> done) {
   const Result<> begun = master_.upload(
       node_, object,
@@ -331,9 +337,9 @@ void DriveNode::want(bool enabled) {
 }
 
 void DriveNode::send(Time now) {
-  if (step_ != Step::up || !state_) return;
-  std::uint16_t control = canopen::towards_rest(*state_);
-  if (wanted_) {
+  if (step_ != Step::up) return;
+  std::uint16_t control = state_ ? canopen::towards_rest(*state_) : canopen::controlword::quick_stop;
+  if (wanted_ && state_) {
     control = state_ == Cia402State::fault && may_reset_ ? canopen::controlword::fault_reset
                                                          : canopen::towards_operation(*state_);
   }
@@ -356,12 +362,13 @@ void DriveNode::on_node(NodeMonitor::Event event, Time now) {
       return;
     case NodeMonitor::Event::lost:
       if (!was_up) return;
-      fail("heartbeat lost for " + std::to_string(silence.count()) + " ms");
-      return events_.trouble(title() + ": heartbeat lost for " + std::to_string(silence.count()) + " ms");
+      return lose("heartbeat lost for " + std::to_string(silence.count()) + " ms");
     case NodeMonitor::Event::state_changed:
       if (!was_up || master_.monitor(node_).state() == canopen::NmtState::operational) return;
-      fail("became " + canopen::to_string(*master_.monitor(node_).state()));
-      return events_.trouble(title() + ": " + failed_);
+      // It takes no PDOs any more.
+      (void)master_.download(
+          node_, {0x6040, 0}, canopen::le_bytes(canopen::controlword::quick_stop, 2), [](const Result<Bytes>&) {}, now);
+      return lose("became " + canopen::to_string(*master_.monitor(node_).state()));
     case NodeMonitor::Event::back:
       if (step_ == Step::resting) due_ = now;
       return;
@@ -388,8 +395,7 @@ Duration DriveNode::feedback_limit() const { return watched_ ? silence + produce
 void DriveNode::on_time(Time now) {
   if (step_ == Step::up) {
     if (heard_ && now - *heard_ > feedback_limit()) {
-      fail("no feedback for " + std::to_string(feedback_limit() / 1ms) + " ms");
-      events_.trouble(title() + ": " + failed_);
+      lose("no feedback for " + std::to_string(feedback_limit() / 1ms) + " ms");
     }
     return;
   }

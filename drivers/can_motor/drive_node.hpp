@@ -84,6 +84,7 @@ class DriveNode {
   void begin(Time now);
   void enter(Step step);
   void fail(const std::string& why);
+  void lose(const std::string& why);
   void read(canopen::ObjectIndex object, std::function<void(const Result<canopen::Bytes>&)> done);
   void configure(std::vector<canopen::SdoWrite> writes, std::function<void(const Result<>&)> done);
   void subscribe();

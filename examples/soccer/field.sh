@@ -28,6 +28,10 @@ while (($#)); do
   shift
 done
 command=("$@")
+# It runs in another folder. Links stay links: the python of a venv is one.
+for i in "${!command[@]}"; do
+  [[ ${command[i]} != */* || ! -e ${command[i]} ]] || command[i]=$(realpath -s -- "${command[i]}")
+done
 bin=${REGISTA_BIN:+$(cd "$REGISTA_BIN" && pwd)/}
 folder=$(mktemp -d)
 pids=()

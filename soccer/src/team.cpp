@@ -98,6 +98,7 @@ Team::Team(const std::filesystem::path& config, ssl::Team team, const TeamOption
   const vision::BridgeConfig file = vision::read_bridge_config(config);
   const bool tracked = file.input == vision::BridgeConfig::Input::tracked;
   if (tracked || !file.publish.empty()) vision_.emplace(file.tracked, tracked ? file.interfaces : file.publish);
+  tracker_ = tracked ? file.tracker : vision::bridge_name;
   for (const vision::RobotAddress& address : file.robots) {
     if (address.id.team != team) continue;
     client::Robot& robot =
@@ -127,13 +128,13 @@ bool Team::read(Duration timeout) {
   }
 }
 
-/// The newest frame of the tracker that was heard first.
+/// The newest frame of the tracker to believe; of several of that name, of the one that was heard first.
 bool Team::hear() {
   if (!vision_) return false;
   bool any = false;
   while (const auto datagram = vision_->receive()) {
     auto frame = ssl::decode_tracked(datagram->bytes);
-    if (!frame) continue;
+    if (!frame || (!tracker_.empty() && frame->source_name != tracker_)) continue;
     if (frame->uuid != frame_.uuid && seen_age() < vision_silent) continue;
     frame_ = *std::move(frame);
     heard_ = Clock::now();

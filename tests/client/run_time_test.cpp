@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a program uses that knows its devices only at run time, such as our Python package.
 #include <gtest/gtest.h>
+
 #include <pthread.h>
+#include <algorithm>
 
 #include <atomic>
 #include <csignal>

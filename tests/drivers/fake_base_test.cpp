@@ -73,7 +73,7 @@ TEST(FakeBase, floods) {
   Bench bench = fake("samples 300");
   bench.samples().clear();
   bench.run(10ms);
-  EXPECT_GT(bench.samples().size(), 100U);
+  EXPECT_GT(bench.samples().size(), 60U) << "as many as wait, and the newest";
 }
 
 TEST(FakeBaseDeathTest, segfaults) {

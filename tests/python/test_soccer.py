@@ -17,7 +17,7 @@ pytest.importorskip("regista._soccer")
 from regista.soccer import Team
 
 pytestmark = pytest.mark.skipif(not (BIN / "regista-field-sim").exists(), reason="built without REGISTA_VISION")
-PORT = 30000 + 64 * (os.getpid() % 300)
+PORT = 20000 + 64 * (os.getpid() % 150)  # below what the kernel gives to clients
 UDP = PORT + 40
 
 

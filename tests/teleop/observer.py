@@ -65,7 +65,8 @@ class Observer:
 
     def stop_times(self, since):
         """[ms] from `since` until the base slowed down, and until it was at rest."""
-        speed = max(s[4] for s in self.samples if s[0] <= since)
+        speed = [s[4] for s in self.samples if s[0] <= since][-1]
+        assert speed > 0.2
         self.wait(lambda s: s.samples[-1][0] > since and s.samples[-1][4] < 0.1)
         after = [(t, v) for t, _, _, _, v in self.samples if t > since]
         slow = next(t for t, v in after if v < 0.8 * speed)

@@ -40,7 +40,7 @@ def drives(page, seen):
     return time.monotonic()
 
 
-def stopped(what, seen, since, *, limit=LEASE):
+def stopped(what, seen, since, *, limit=2 * LEASE):
     slow, rest = seen.stop_times(since)
     seen.wait(lambda s: s.state == "stopped")
     print(f"{what}: slows after {slow:.0f} ms, at rest after {rest:.0f} ms; {seen.reason}")

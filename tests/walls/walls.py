@@ -25,7 +25,7 @@ MAY_INCLUDE = {
     "canopen": ["core"],
     "ssl": ["core"],
     "motor_board": ["core"],
-    "sim": ["motor_board", "core"],
+    "sim": ["motor_board", "canopen", "core"],
     "client/cpp": ["xdr", "interfaces", "core"],
     "server": ["device", "xdr", "interfaces", "core", "client/cpp", "metrics"],
     "testing": ["server", "client/cpp", "device", "xdr", "interfaces", "core", "metrics"],

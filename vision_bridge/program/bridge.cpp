@@ -296,7 +296,7 @@ void Bridge::halt_robots(Time now) {
 void Bridge::publish(Time now) {
   published_ = now;
   ssl::TrackedFrame frame{.uuid = own_uuid_,
-                          .source_name = "regista",
+                          .source_name = std::string{bridge_name},
                           .frame_number = ++published_frames_,
                           .timestamp_s = unix_seconds(now, Clock::now()),
                           .robots = {},

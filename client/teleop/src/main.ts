@@ -111,6 +111,9 @@ worker.onmessage = (event: MessageEvent<FromWorker>) => {
 };
 
 function take(message: FromGateway): void {
+  // What is held must not jump to the next robot.
+  if (message.t === "gone" && message.robot === world.chosen) loseGrip();
+  if (message.t === "hello") wanted = world.robot?.label ?? wanted;
   world.take(message, performance.now());
   switch (message.t) {
     case "hello":
@@ -126,6 +129,10 @@ function take(message: FromGateway): void {
       break;
     case "robot":
     case "gone":
+      if (message.t === "robot" && message.label === wanted) {
+        wanted = "";
+        if (world.chosen !== message.robot) choose(message.robot);
+      }
       drawRobots();
       drawFields();
       drawPanels();
@@ -172,6 +179,7 @@ let padBefore: PadState | null = null;
 let padIndex: number | null = null;
 let padLearns: keyof PadMapping | null = null;
 let drives: Velocity | null = null;
+let wanted = ""; // the robot to choose again when the gateway is back
 
 function limits(): Limits {
   return {
@@ -201,6 +209,10 @@ function hold(): void {
 
 function stopAll(): void {
   loseGrip();
+  if (!connected) {
+    world.note("", 2, "STOP was not sent: there is no gateway");
+    drawLog();
+  }
   ask({ t: "stop", robot: null });
 }
 
@@ -233,6 +245,11 @@ window.addEventListener("keyup", (event) => {
   if (keys.delete(event.code)) hold();
 });
 window.addEventListener("blur", loseGrip);
+// A menu that is open keeps for itself that a key was let go.
+window.addEventListener("contextmenu", loseGrip, true);
+window.addEventListener("focusin", (event) => {
+  if (types(event.target)) loseGrip();
+});
 window.addEventListener("pagehide", () => {
   loseGrip();
   tellWorker({ visible: false });
@@ -263,14 +280,18 @@ function drawStick(): void {
   element("knob").style.transform = `translate(${x}px, ${y}px)`;
   stickArea.classList.toggle("held", stick.on);
 }
+let stickPointer = -1;
+stickArea.addEventListener("contextmenu", (event) => event.preventDefault());
 stickArea.addEventListener("pointerdown", (event) => {
+  if (event.button !== 0 || stick.on) return;
+  stickPointer = event.pointerId;
   stickArea.setPointerCapture(event.pointerId);
   grip.set("stick", null);
   stick.on = true;
   moveStick(event);
 });
 stickArea.addEventListener("pointermove", (event) => {
-  if (stick.on) moveStick(event);
+  if (stick.on && event.pointerId === stickPointer) moveStick(event);
 });
 for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
   stickArea.addEventListener(name, () => {

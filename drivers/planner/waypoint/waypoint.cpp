@@ -95,6 +95,7 @@ Result<> Waypoint::open() {
   new_pose_.reset();
   pose_.reset();
   wheels_seen_.reset();
+  if (mission_) mission_->forget_pose();
   return {};
 }
 
@@ -145,11 +146,18 @@ Result<Empty> Waypoint::set_mission(const planner::SetMission& list) {
     return Error{std::errc::device_or_resource_busy,
                  "mission \"" + std::string{list_.id.view()} + "\" is under way: stop it first"};
   }
-  load(list);
+  if (Result<> loaded = load(list); !loaded) return loaded.error();
   return Empty{};
 }
 
-void Waypoint::load(planner::SetMission list) {
+Result<> Waypoint::load(planner::SetMission list) {
+  // Work that was broken off: nobody comes back to it.
+  if (relays_ != relays_before_) {
+    if (!dio_->connected() || !dio_->send(dio::OutputCommand{.count = relay_count_, .bits = relays_before_})) {
+      return Error{std::errc::not_connected, "the relays of the work that was broken off do not answer"};
+    }
+    relays_ = relays_before_;
+  }
   list_ = std::move(list);
   actions_.assign(list_.points.size(), {});
   for (const planner::Action& action : list_.actions) actions_[action.point].push_back(action);
@@ -157,6 +165,7 @@ void Waypoint::load(planner::SetMission list) {
   output_ = {};
   commanded_ = false;
   reason_.clear();
+  return {};
 }
 
 Result<> Waypoint::run(const planner::RunCommand& command) {
@@ -170,7 +179,7 @@ Result<> Waypoint::run(const planner::RunCommand& command) {
 Result<> Waypoint::go_to(const planner::GoalCommand& goal) {
   if (!is_place(goal.goal)) return invalid("the goal is no place");
   if (commanded_ && list_.id.view().empty() && list_.points.front() == goal.goal) return {};
-  load({.points = {goal.goal}});
+  if (Result<> loaded = load({.points = {goal.goal}}); !loaded) return loaded;
   begin();
   return {};
 }
@@ -267,6 +276,7 @@ void Waypoint::work(Duration dt) {
   }
   const bool interrupted = output_.tool == ToolAction::raise && action_ < actions_[output_.waypoint].size();
   if (interrupted && !switch_relays(relays_before_)) return;
+  if (output_.tool == ToolAction::raise) relays_before_ = relays_;  // what was done here stays
   report_ = {.finished = output_.tool};
 }
 

@@ -22,8 +22,9 @@ namespace regista {
 /// while the mission is under way and left alone while it is paused: when this driver or its server dies, the base's
 /// own lease stops it. When somebody else drives the base, the mission fails and does not go on by itself.
 ///
-/// A point is worked at action by action. When the robot is moved from there, its relays go back to what they were when
-/// it came; then it drives there again and begins anew. A stop leaves the relays as they are.
+/// A point is worked at action by action. When the robot is moved from there, the mission fails, with the relays as
+/// they are; with ENABLE 1 they go back to what they were when it came, it drives there again and begins anew. A stop
+/// and a pause leave the relays as they are, too; another mission or goal puts them back first.
 ///
 /// | Key                 | Value                                                                     | Default       |
 /// |---------------------|---------------------------------------------------------------------------|---------------|
@@ -54,7 +55,7 @@ class Waypoint final : public Driver {
 
   [[nodiscard]] Result<> check(const planner::SetMission& list) const;
   Result<Empty> set_mission(const planner::SetMission& list);
-  void load(planner::SetMission list);
+  Result<> load(planner::SetMission list);
   Result<> run(const planner::RunCommand& command);
   Result<> go_to(const planner::GoalCommand& goal);
   Result<Empty> enable(bool on);

@@ -172,7 +172,10 @@ Result<> Differential::read(const Tick& tick) {
   now_ = tick.now;
   if (!asked_ && wheels_.connected()) {
     asked_ = wheels_.request(actarray::GetGeometry{}, [this](const Result<actarray::Geometry>& geometry) {
-      if (!geometry) return;
+      if (!geometry) {
+        asked_ = false;
+        return;
+      }
       if (geometry->actuators.size() != count_) {
         base_.tell(2, "position2d: the wheels are " + std::to_string(geometry->actuators.size()) + ", not " +
                           std::to_string(count_) + ": see 'skid_steer'");

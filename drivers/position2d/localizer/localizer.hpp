@@ -51,7 +51,8 @@ class Localizer final : public Driver {
   void halt() noexcept override {}
 
  private:
-  static constexpr std::size_t history = 512;  // 2 s of 50 Hz beats, 100 Hz wheels, 100 Hz gyro
+  static constexpr std::size_t history =
+      1024;  // 2 s of 50 Hz beats, 100 Hz wheels, 100 Hz gyro, and a prediction before each
   using Filter = control::Rollback<control::PoseEkf, history>;
 
   void listen_to_imu();

@@ -11,6 +11,7 @@ import json
 import math
 import secrets
 import time
+import traceback
 from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
 from typing import Any, cast
@@ -52,8 +53,13 @@ class Page:
         self._transport = transport
         self._queue: asyncio.Queue[str] = asyncio.Queue(1000)
         self.behind = True  # the next frame holds everything
-        self.visible = True
+        self.shown, self.silent = True, False
         self.heard = time.monotonic()
+
+    @property
+    def visible(self) -> bool:
+        """Somebody may be looking at it."""
+        return self.shown and not self.silent
 
     def tell(self, message: dict[str, Any]) -> None:
         self._put(json.dumps(message, separators=(",", ":")))
@@ -136,7 +142,7 @@ class Gateway:
     async def close(self) -> None:
         """Robots at rest and given back, sockets closed."""
         self._closing = True
-        await asyncio.gather(*(link.close() for link in self._links.values()))
+        await asyncio.gather(*(link.close() for link in self._links.values()), return_exceptions=True)
         await self._recordings.end()
         await self._recordings.end_play()
         for task in self._tasks:
@@ -193,6 +199,7 @@ class Gateway:
                 if message.type is not WSMsgType.TEXT:
                     break
                 page.heard = time.monotonic()
+                page.silent = False
                 await self._take(page, message.data)
         except ConnectionError:
             pass
@@ -262,7 +269,7 @@ class Gateway:
         self._spawn(self._answer(page, message))
 
     def _see(self, page: Page, visible: bool) -> None:
-        page.visible = visible
+        page.shown = visible
         if not visible and page is self._pilot:
             self._abandon("the page is hidden")
 
@@ -368,11 +375,15 @@ class Gateway:
             due = max(due + 1 / FRAMES, loop.time())
             await asyncio.sleep(due - loop.time())
             for link in self._links.values():
-                link.tick()
+                try:
+                    link.tick()
+                except Exception:  # one robot must not end the beat of all
+                    traceback.print_exc()
             now = time.monotonic()
             pilot = self._pilot
             if pilot is not None and pilot.visible and now - pilot.heard > SILENCE_SECONDS:
-                self._see(pilot, False)
+                pilot.silent = True
+                self._abandon("the page is silent")
             self._frames(now)
             if self._recordings.running and now - told > RECORDING_SECONDS:
                 told = now

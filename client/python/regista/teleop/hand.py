@@ -57,7 +57,7 @@ class Hand:
                     task.add_done_callback(self._releases.discard)
                 else:
                     self._base.set_velocity(action.x, action.y, action.w)
-        except regista.Error:  # there is no connection: the server stops what its client left
+        except (regista.Error, ValueError, RuntimeError):  # no connection: the server stops what its client left
             self._dead_man = DeadMan()
             self._at_rest.set()
         if self._timer is not None:
@@ -67,7 +67,7 @@ class Hand:
 
     async def _release(self) -> None:
         if not self._dead_man.active:  # grabbed again meanwhile
-            with contextlib.suppress(regista.Error):
+            with contextlib.suppress(regista.Error, ValueError, RuntimeError):
                 await self._base.release()
         if not self._dead_man.active:
             self._at_rest.set()

@@ -58,7 +58,7 @@ class Stream:
             return None
         self._count = sample.count
         row = (now - sample.arrival, *self._values(sample.value))
-        if math.isfinite(math.fsum(row)):
+        if all(map(math.isfinite, row)):
             return [round(value, 6) for value in row]
         return [round(value, 6) if math.isfinite(value) else None for value in row]
 
@@ -76,6 +76,7 @@ class Link:
         self._host, self._port = host, port
         self._tell_all = tell
         self._robot: regista.asyncio.Robot | None = None
+        self._opening: regista.asyncio.Robot | None = None  # connected, and perhaps not yet ready
         self._hands: dict[str, Hand] = {}
         self._missions: dict[str, Mission] = {}
         self._look = asyncio.Event()
@@ -90,9 +91,16 @@ class Link:
                 robot = regista.asyncio.Robot(self._host, self._port, timeout=1.5, name=self.name, priority=PEOPLE)
                 async with robot:
                     tries = 0
-                    await self._serve(robot)
+                    self._opening = robot
+                    try:
+                        await self._serve(robot)
+                    finally:  # closing takes a while, in another thread
+                        self._robot = self._opening = None
+                        self.streams = []
             except (regista.Error, OSError) as error:
                 self._lost(str(error))
+            except Exception as error:  # it says what we do not understand
+                self._lost(repr(error))
             await asyncio.sleep(RETRY_SECONDS[min(tries, len(RETRY_SECONDS) - 1)])
             tries += 1
 
@@ -169,6 +177,7 @@ class Link:
         if motion["owner"] and motion["owner"] != self.name:
             mission.fail(f"{motion['owner']} drives")
             self._tell_mission(address)
+        mission.accepted |= motion["owner"] == self.name and motion["state"] == "driving"
 
     def _lost(self, why: str) -> None:
         self._robot = None
@@ -199,7 +208,8 @@ class Link:
             if self._log is not None:
                 self._log.event(event)
             for address, mission in self._missions.items():
-                if " refused: " in event.text and event.text.startswith(address):
+                # Everybody hears of every refusal: when the base drives for us, it was another's.
+                if not mission.accepted and event.text.startswith(f"{address} refused: "):
                     mission.fail(event.text)
                     self._tell_mission(address)
             self._look.set()
@@ -246,9 +256,10 @@ class Link:
     async def page_gone(self, reason: str) -> None:
         """Nobody watches: zero at once, and missions pause that may not go on alone."""
         self.let_go()
-        for address, mission in self._missions.items():
-            if mission.state is State.RUNNING and not mission.alone:
-                await mission.pause(reason)
+        running = [(a, m) for a, m in self._missions.items() if m.state is State.RUNNING and not m.alone]
+        for address, mission in running:
+            await mission.pause(reason)
+            if self._missions.get(address) is mission:
                 self._tell_mission(address)
 
     async def close(self) -> None:
@@ -262,7 +273,7 @@ class Link:
     async def stop(self) -> None:
         """Every device to rest, whoever drives it."""
         self.let_go()
-        robot = self._connected()
+        robot = self._opening or self._connected()
         for address, mission in self._missions.items():
             if mission.state is State.RUNNING:
                 mission.fail("STOP")
@@ -285,6 +296,7 @@ class Link:
         self.let_go()
         self._missions[device] = Mission(self._base(device), points, alone=alone)
         self._tell_mission(device)
+        self._look.set()
 
     async def pause(self, device: str) -> None:
         if device in self._missions:
@@ -292,9 +304,11 @@ class Link:
             self._tell_mission(device)
 
     def resume(self, device: str) -> None:
-        if device in self._missions:
-            self._missions[device].resume()
-            self._tell_mission(device)
+        if device not in self._missions:
+            raise ValueError("that list of way-points is gone: start it again")
+        self._missions[device].resume()
+        self._tell_mission(device)
+        self._look.set()
 
     async def cancel(self, device: str) -> None:
         mission = self._missions.pop(device, None)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -50,6 +51,7 @@ class Mission:
         self.state = State.RUNNING
         self.index = 0
         self.reason = ""
+        self.accepted = False  # the base drives for us
         self._base = base
         self._follower: Any = None
 
@@ -62,26 +64,26 @@ class Mission:
                 self._follower = self._to(self.index)
             if not self._follower.step():
                 return False
-        except regista.Error as error:
+            self.index += 1
             self._follower = None
-            self.state, self.reason = State.FAILED, error.reason or str(error)
+            if self.index == len(self.points):
+                self.state = State.DONE
+                self._base.proxy.keep_alive(False)
+            else:
+                self._follower = self._to(self.index)
+                self._follower.step()
+            return True
+        except regista.Error as error:
+            self.fail(error.reason or str(error))
             return True
         finally:
             self._base.robot._watch()
-        self.index += 1
-        self._follower = None
-        if self.index == len(self.points):
-            self.state = State.DONE
-            self._base.proxy.keep_alive(False)
-        else:
-            self._follower = self._to(self.index)
-            self._follower.step()
-        return True
 
     def resume(self) -> None:
         """On with the way-point that was not reached."""
         if self.state in (State.PAUSED, State.FAILED):
             self.state, self.reason = State.RUNNING, ""
+            self.accepted = False
 
     async def pause(self, reason: str) -> None:
         """The base comes to rest; it goes on only when somebody says so."""
@@ -95,10 +97,12 @@ class Mission:
             self.reason = f"{reason}; {error}"
 
     def fail(self, reason: str) -> None:
-        """The base has been stopped, or never started."""
+        """The base has been stopped, or never started; if it drives after all, its lease ends that."""
         if self.state is State.RUNNING:
             self.state, self.reason = State.FAILED, reason
             self._follower = None
+            with contextlib.suppress(regista.Error, ValueError, RuntimeError):  # closed, or being closed
+                self._base.proxy.keep_alive(False)
 
     def to_dict(self) -> dict[str, Any]:
         """For the page."""

@@ -64,6 +64,9 @@ class WaypointMission {
   /// Stand still and ask for nothing; timeouts wait as well.
   void pause() { paused_ = true; }
 
+  /// The robot may have been moved meanwhile: the next estimate is believed.
+  void forget_pose() { parking_.forget(); }
+
   /// Go on after a pause. After a failure: try again what failed.
   void resume();
 

@@ -31,6 +31,9 @@ class ParkingDetector {
   /// Start anew for another goal; what is believed of the position stays.
   void next_goal();
 
+  /// The robot may be anywhere by now: the next estimate is believed.
+  void forget();
+
   [[nodiscard]] bool parked() const { return parked_; }
 
   /// The last believed estimate, moved on by the wheels: steer by this. Empty before the first estimate.

@@ -29,6 +29,8 @@ class CanDrive final : public canopen::Station {
   void on_frame(const canopen::CanFrame& frame, Time now) override;
   void on_time(Time now) override;
   [[nodiscard]] Time next_wake() const override;
+  /// Time until the next of these does not pass for it.
+  void pause() { stepped_.reset(); }
 
   /// The power goes and comes back.
   void power_cycle(Time now);
@@ -68,7 +70,10 @@ class CanDrives {
   /// does.
   Result<> run(canopen::Station& master, Time now);
   /// Time until the next run() does not pass for the drives, but for what they are waiting for.
-  void pause() { now_.reset(); }
+  void pause() {
+    now_.reset();
+    for (CanDrive& drive : drives_) drive.pause();
+  }
 
  private:
   Result<> settle(canopen::Station& master, Time now);

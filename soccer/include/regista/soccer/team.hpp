@@ -138,6 +138,7 @@ class Team {
   client::Team connections_;
   std::deque<TeamRobot> robots_;
   std::optional<ssl::MulticastReceiver> vision_;
+  std::string tracker_;  ///< whose frames to believe; empty: whoever is heard first
   ssl::TrackedFrame frame_;
   std::optional<Time> heard_;  ///< `frame_`
   Time steered_{};

@@ -17,6 +17,9 @@ struct RobotAddress {
   std::uint16_t index = 1;  ///< of the position2d that takes poses
 };
 
+/// As what the bridge publishes tracked vision.
+inline constexpr std::string_view bridge_name = "regista";
+
 /// docs/ssl-vision.md explains the keys.
 struct BridgeConfig {
   enum class Input : std::uint8_t { vision, tracked };
