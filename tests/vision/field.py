@@ -20,7 +20,7 @@ FIELD = BIN / "regista-field-sim"
 KICKER = 67
 HIDDEN = 0.02  # s of vision's delay that no timestamp shows
 DRIVER = """name "ssl_robot" provides ["position2d:0" "position2d:1" "kicker:0"] rate 200
-  speed 1 accel 2.5 vision_sd 0.008"""
+  speed 1 accel 1.5 vision_sd 0.008"""
 
 
 class Simulation:
