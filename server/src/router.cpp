@@ -403,6 +403,7 @@ void Server::Impl::on_notice(Hosted& hosted, Notice& notice) {
   }
   auto& motion = *std::get_if<player::Motion>(&notice.message);
   PortNotes& port = hosted.ports[notice.port];
+  if (port.device.tcp_port == 0) return;  // the driver could offer it, and the configuration does not
   motion.address.host = player_host;
   motion.address.robot = port.device.tcp_port;
   player::Motion& kept = port.motion[std::string{motion.group.view()}] = motion;
