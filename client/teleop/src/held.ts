@@ -9,18 +9,24 @@ export class HeldCommand {
   static readonly SPACING_MS = 20;
   /** A page that does not say again what it holds hangs: that is letting go. */
   static readonly PATIENCE_MS = 150;
+  /** After a longer silence nobody knows what the hand did meanwhile: it has to hold nothing once, first. */
+  static readonly HUNG_MS = 500;
 
   #command: Command | null = null;
-  #heard = -Infinity;
+  #heard = Infinity; // not yet
   #sent = -Infinity;
   #releases = false;
+  #hung = false;
 
-  /** null: nothing is held. */
-  hold(command: Command | null, now: number): void {
-    const other = this.#command && (command?.robot !== this.#command.robot || command.device !== this.#command.device);
-    if (other) this.#releases = true;
-    this.#command = command;
+  /** null: nothing is held. False: the page hung, and what it holds does not count until it has held nothing. */
+  hold(command: Command | null, now: number): boolean {
+    this.#hung = command !== null && (this.#hung || now - this.#heard > HeldCommand.HUNG_MS);
     this.#heard = now;
+    const next = this.#hung ? null : command;
+    const other = this.#command && (next?.robot !== this.#command.robot || next.device !== this.#command.device);
+    if (other) this.#releases = true;
+    this.#command = next;
+    return !this.#hung;
   }
 
   /** The connection is gone, and with it all that was held. */

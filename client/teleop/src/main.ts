@@ -105,6 +105,10 @@ worker.onmessage = (event: MessageEvent<FromWorker>) => {
     drawPanels();
   } else if ("roundTrip" in from) {
     pageRoundTrip = from.roundTrip;
+  } else if ("hung" in from) {
+    loseGrip();
+    world.note("", 1, "this page hung while it drove, and the robot stopped: let go, then drive again");
+    drawLog();
   } else {
     take(from.message);
   }

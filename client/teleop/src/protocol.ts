@@ -85,4 +85,4 @@ export type ToWorker =
   | { visible: boolean }
   | { send: Record<string, unknown> };
 
-export type FromWorker = { message: FromGateway } | { connected: boolean } | { roundTrip: number };
+export type FromWorker = { message: FromGateway } | { connected: boolean } | { roundTrip: number } | { hung: true };

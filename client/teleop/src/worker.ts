@@ -68,7 +68,7 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
     }, ALIVE_MS);
   } else if ("hold" in message) {
     heard = performance.now();
-    held.hold(message.hold, heard);
+    if (!held.hold(message.hold, heard)) post({ hung: true });
     step();
   } else if ("visible" in message) {
     visible = message.visible;

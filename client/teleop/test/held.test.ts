@@ -37,6 +37,20 @@ describe("HeldCommand", () => {
     expect(held.step(HeldCommand.PATIENCE_MS + 1)).toBe("release");
     expect(held.step(HeldCommand.PATIENCE_MS + 100)).toBeNull();
   });
+  it("forgives a hiccup, but drives after a hang only once nothing was held", () => {
+    const held = new HeldCommand();
+    held.hold(ahead, 0);
+    expect(held.step(300)).toBe("release");
+    expect(held.hold(ahead, 300)).toBe(true);
+    expect(held.step(300)).toEqual(ahead);
+    expect(held.hold(ahead, 301 + HeldCommand.HUNG_MS)).toBe(false);
+    expect(held.step(301 + HeldCommand.HUNG_MS)).toBe("release");
+    expect(held.hold(ahead, 1000)).toBe(false);
+    expect(held.step(1000)).toBeNull();
+    expect(held.hold(null, 1020)).toBe(true);
+    expect(held.hold(ahead, 1040)).toBe(true);
+    expect(held.step(1040)).toEqual(ahead);
+  });
   it("lets go of one robot before it holds another", () => {
     const held = new HeldCommand();
     held.hold(ahead, 0);

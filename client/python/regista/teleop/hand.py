@@ -25,8 +25,8 @@ class Hand:
         self._dead_man = DeadMan()
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
-        self._at_rest = asyncio.Event()
-        self._at_rest.set()
+        self._settled = asyncio.Event()  # clear: let go, and not yet given back
+        self._settled.set()
         self._releases: set[asyncio.Task[None]] = set()
 
     @property
@@ -35,7 +35,7 @@ class Hand:
 
     def hold(self, velocity: Velocity) -> None:
         self._dead_man.hold(velocity, self._loop.time() + self.PATIENCE)
-        self._at_rest.clear()
+        self._settled.set()
         self._step()
 
     def let_go(self) -> None:
@@ -43,10 +43,14 @@ class Hand:
         self._dead_man.let_go()
         self._step()
 
-    async def rest(self) -> None:
-        """Let go, and wait until the base has been given back."""
-        self.let_go()
-        await self._at_rest.wait()
+    @property
+    def settled(self) -> bool:
+        """False: what was let go has not been given back yet. What is taken or driven now would be lost by that."""
+        return self._settled.is_set()
+
+    async def settle(self) -> None:
+        """Until what was let go has been given back, or is held again."""
+        await self._settled.wait()
 
     def _step(self) -> None:
         try:
@@ -59,7 +63,9 @@ class Hand:
                     self._base.set_velocity(action.x, action.y, action.w)
         except (regista.Error, ValueError, RuntimeError):  # no connection: the server stops what its client left
             self._dead_man = DeadMan()
-            self._at_rest.set()
+            self._settled.set()
+        if self._dead_man.active and not self._dead_man.held:
+            self._settled.clear()
         if self._timer is not None:
             self._timer.cancel()
         due = self._dead_man.due()
@@ -70,4 +76,4 @@ class Hand:
             with contextlib.suppress(regista.Error, ValueError, RuntimeError):
                 await self._base.release()
         if not self._dead_man.active:
-            self._at_rest.set()
+            self._settled.set()

@@ -217,7 +217,8 @@ class Link:
             for received in self._robot.messages():
                 self._log.data(received)
         for address, mission in self._missions.items():
-            if mission.step():
+            hand = self._hands.get(address)
+            if (hand is None or hand.settled) and mission.step():
                 self._tell_mission(address)
                 self._look.set()
 
@@ -253,6 +254,10 @@ class Link:
         for hand in self._hands.values():
             hand.let_go()
 
+    async def _settle(self, device: str) -> None:
+        if device in self._hands:
+            await self._hands[device].settle()
+
     async def page_gone(self, reason: str) -> None:
         """Nobody watches: zero at once, and missions pause that may not go on alone."""
         self.let_go()
@@ -268,7 +273,7 @@ class Link:
             return
         await self.page_gone("regista teleop ended")
         for hand in self._hands.values():
-            await hand.rest()
+            await hand.settle()
 
     async def stop(self) -> None:
         """Every device to rest, whoever drives it."""
@@ -283,12 +288,13 @@ class Link:
         self._look.set()
 
     async def take(self, device: str) -> None:
+        await self._settle(device)
         await (await self._device(device)).take()
         self._look.set()
 
     async def give(self, device: str) -> None:
-        if device in self._hands:
-            self._hands[device].let_go()
+        self.let_go()
+        await self._settle(device)
         await (await self._device(device)).release()
         self._look.set()
 
