@@ -34,6 +34,8 @@ constexpr std::size_t no_lane = Mailbox<Inbound, 256>::no_lane;
 
 std::string more_before(std::uint64_t count) { return count > 0 ? " (" + std::to_string(count) + " more before)" : ""; }
 
+std::string text_of(const Error& error) { return error.what.empty() ? error.message() : error.what; }
+
 void increment(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);  // one writer
 }
@@ -271,9 +273,7 @@ void DriverHost::refuse(std::size_t port, const Error& error) {
   PortState& state = states_[port];
   const auto untold = state.refusals.admit(now_);
   if (!untold) return;
-  broadcast(port, 1,
-            title(setup_->ports[port]) + " refused: " + (error.what.empty() ? error.message() : error.what) +
-                more_before(*untold));
+  broadcast(port, 1, title(setup_->ports[port]) + " refused: " + text_of(error) + more_before(*untold));
 }
 
 void DriverHost::process_request(Channel& channel, Inbound& inbound) {
@@ -509,10 +509,11 @@ void join(DriverHost& consumer, RequiredCore& required, DriverHost& provider, st
   });
 }
 
-void DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
+void DriverHost::call_handler(PortCore& port, const AnyCommand& command, MotionGroup* from) {
   Result<> done;
   if (survives("command", [&] { watched([&] { done = port.commands[command.index()](command); }); }) && !done) {
     refuse(port.number, done.error());
+    if (from != nullptr) from->refused(text_of(done.error()), now_);
   }
 }
 
@@ -528,7 +529,7 @@ void DriverHost::tell_driver(PortState& state, PortCore& port) {
     const bool must_halt = group.take_halt_request();
     if (!open_) continue;
     if (command != nullptr && port.commands[command->index()]) {
-      call_handler(port, *command);
+      call_handler(port, *command, &group);
     } else if (const auto* speeds = every_joint(command); speeds != nullptr && port.commands[one_joint]) {
       for (std::size_t joint = 0; joint < speeds->size() && open_; ++joint) {
         call_handler(port,

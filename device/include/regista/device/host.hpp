@@ -121,7 +121,8 @@ class DriverHost {
   void gone(Channel& channel, SessionId session);
   void receive(RequiredCore& device);
   void attend(RequiredCore& device, bool open);
-  void call_handler(PortCore& port, const AnyCommand& command);
+  /// `from`: the group that is told when the driver refuses.
+  void call_handler(PortCore& port, const AnyCommand& command, MotionGroup* from = nullptr);
   void tell_driver(PortState& state, PortCore& port);
   void run_motion();
   void beat();
