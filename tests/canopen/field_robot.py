@@ -303,9 +303,9 @@ def end(process):
 
 LIEN = """
 driver ( name "can_motor" provides ["actarray:0" "power:0" "dio:0"] bus "{bus}" nodes [5 6] gear 40
-         wheel_speed 1500 wheel_accel 1500 wheel_decel 1500 quick_stop 3000 relays ["5 2010:00 0"] {rate} )
+         wheel_speed 1500 wheel_accel 3000 wheel_decel 3000 quick_stop 3000 relays ["5 2010:00 0"] {rate} )
 driver ( name "differential" provides ["position2d:0"] requires ["actarray:0"] rate 50
-         wheel_radius 0.15 track 0.6 accel 1.5 turn_accel 180 )
+         wheel_radius 0.15 track 0.6 accel 3 turn_accel 360 )
 driver ( name "gps" provides ["gps:0" "localize:0"] port {gpsd} datum [{datum}] sd 0.1 )
 driver ( name "imu" provides ["imu:0"] port "{folder}/imu" protocol "single_byte" )
 driver ( name "localizer" provides ["position2d:1" "localize:1"] requires ["position2d:0" "imu:0" "localize:0"] rate 50

@@ -17,7 +17,7 @@ from regista_process import BIN
 @pytest.mark.skipif(not (BIN.parent / "lib/regista/gps.so").exists(), reason="built without libgps and GeographicLib")
 def test_liens_square_on_wheels_compass_and_gps():
     # Faster than he drove, so that it is over in half a minute.
-    drive = drive_lien(SQUARE, FIELD_GPS, "speed 2 turn_speed 100 k3 1.5", limit_s=60)
+    drive = drive_lien(SQUARE, FIELD_GPS, "speed 2 turn_speed 115 k3 1.5 beta 0.05", limit_s=60)
     assert len(drive.stops) == len(SQUARE), f"{drive.failures}\n{drive.server_log}"
     assert drive.outputs[-1] == 0
     sd = FIELD_GPS.sd()
