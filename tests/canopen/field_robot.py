@@ -14,7 +14,6 @@ import json
 import math
 import os
 import random
-import socket
 import statistics
 import struct
 import subprocess
@@ -69,15 +68,17 @@ class World:
         self.pose = (0.0, 0.0, 0.0)
         self.turns = {}
         self.rpm = dict.fromkeys(machine.left + machine.right, 0)
+        self.late = {}  # [s] by when: what the drives told came so much later
 
     def side(self, node):
         """(which, how many wheels are there)"""
         machine = self.machine
         return (0, len(machine.left)) if node in machine.left else (1, len(machine.right))
 
-    def turned(self, node, turns, rpm):
+    def turned(self, node, turns, rpm, told):
         """A wheel goes on from where it was: the robot turns about the other side."""
         with self.lock:
+            self.late[told] = time.monotonic() - told
             motor = turns - self.turns.get(node, turns)
             self.turns[node] = turns
             self.rpm[node] = rpm
@@ -88,6 +89,11 @@ class World:
             turn = (1 if side == 1 else -1) * way / self.machine.true_track_m
             middle = heading + turn / 2
             self.pose = (x + way / 2 * math.cos(middle), y + way / 2 * math.sin(middle), heading + turn)
+
+    def lag(self, since):
+        """The longest since then [s]: a machine that is busy lets the truth, and with it the fixes, come late."""
+        with self.lock:
+            return max((lag for told, lag in self.late.items() if told >= since), default=0.0)
 
     def turn_rate(self):
         """[rad/s], counter-clockwise"""
@@ -237,7 +243,11 @@ class Robot:
             stack.enter_context(hastened())
             self.folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="regista-field-")))
             bus = self.start_bus(stack)
-            keys = {"bus": bus, "folder": self.folder, "rate": "cycle 0.05 feedback 0.05" if KERNEL else "feedback 0.04"}
+            keys = {
+                "bus": bus,
+                "folder": self.folder,
+                "rate": "cycle 0.05 feedback 0.05" if KERNEL else "feedback 0.04",
+            }
             if self.gps:
                 self.receiver = stack.enter_context(FieldReceiver(self.world, self.gps, self.seed + 1))
                 keys["gpsd"] = stack.enter_context(Gpsd(free_port(), self.receiver.path)).port
@@ -279,7 +289,7 @@ class Robot:
             if line.startswith("{"):
                 told = json.loads(line)
                 if "turns" in told:
-                    self.world.turned(told["node"], told["turns"], told["rpm"])
+                    self.world.turned(told["node"], told["turns"], told["rpm"], told["time"])
                 elif "counter" in told:
                     self.outputs.append(told["counter"])
 
@@ -309,7 +319,7 @@ driver ( name "differential" provides ["position2d:0"] requires ["actarray:0"] r
 driver ( name "gps" provides ["gps:0" "localize:0"] port {gpsd} datum [{datum}] sd 0.1 )
 driver ( name "imu" provides ["imu:0"] port "{folder}/imu" protocol "single_byte" )
 driver ( name "localizer" provides ["position2d:1" "localize:1"] requires ["position2d:0" "imu:0" "localize:0"] rate 50
-         imu_heading yes heading_sd 1.15 slip_density 0.0167 )
+         imu_heading yes heading_sd 1.15 slip_density 0.0167 accel_density 3 turn_density 10 )
 driver ( name "waypoint" provides ["planner:0"] requires ["position2d:0" "position2d:1" "dio:0"] relays 1 rate 50
          park {{park}} leave {{leave}} estimates 5 {{keys}} )
 """
@@ -327,6 +337,7 @@ class Stop:
     estimate_m: float  # it believed
     truth_m: float
     beyond_gps_m: float  # the truth, as the GPS shows it
+    lag_s: float  # see World.lag, of the last ten seconds
 
 
 @dataclasses.dataclass
@@ -368,7 +379,8 @@ def drive_lien(points, gps, keys, seed=1, limit_s=300.0):
             gx, gy, _ = points[point]
             ex, ey = robot.receiver.error
             robot.wait_for(lambda: robot.outputs[-1:] == [1])
-            stops.append(Stop(distance, math.hypot(x - gx, y - gy), math.hypot(x + ex - gx, y + ey - gy)))
+            lag = robot.world.lag(time.monotonic() - 10)
+            stops.append(Stop(distance, math.hypot(x - gx, y - gy), math.hypot(x + ex - gx, y + ey - gy), lag))
             assert client.ask(PLANNER, 0, GO_ON, struct.pack(">2I", point, action))[2] == ACK
         return Drive(stops, time.monotonic() - begun, robot.outputs, failures, robot.server.log())
 
@@ -435,6 +447,7 @@ def main():
     for name, points, gps in (("L scenario 1", SQUARE, FIELD_GPS), ("L scenario 2", ROWS, ROUGH_GPS)):
         drives = [drive_lien(points, gps, published, seed=10 * run) for run in range(1, runs + 1)]
         stops = list(itertools.chain.from_iterable(drive.stops for drive in drives))
+        row(name, "what the simulated truth came late by", "s", [stop.lag_s for stop in stops])
         row(name, "points not worked at", "1", [len(points) - len(drive.stops) for drive in drives])
         row(name, "time", "s", [drive.time_s for drive in drives])
         row(name, "estimate to goal", "m", [stop.estimate_m for stop in stops])
