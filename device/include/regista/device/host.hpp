@@ -121,8 +121,7 @@ class DriverHost {
   void gone(Channel& channel, SessionId session);
   void receive(RequiredCore& device);
   void attend(RequiredCore& device, bool open);
-  /// `from`: the group that is told when the driver refuses.
-  void call_handler(PortCore& port, const AnyCommand& command, MotionGroup* from = nullptr);
+  Result<> call_handler(PortCore& port, const AnyCommand& command);
   void tell_driver(PortState& state, PortCore& port);
   void run_motion();
   void beat();
