@@ -442,9 +442,8 @@ ordered_json Bridge::status(Time now) const {
   }
   ordered_json delay{{"ms", 1e3 * seconds(tracker_.delay())}, {"told", !config_.learn_delay}};
   if (delay_) {
-    const auto learnt = delay_->estimate();
-    delay["learnt"] = learnt.has_value();
-    if (learnt) {
+    delay["learnt"] = delay_known_;
+    if (const auto learnt = delay_->estimate(); learnt && delay_known_) {
       delay["sd_ms"] = 1e3 * seconds(learnt->sd);
       delay["turns"] = learnt->turns;
     }
