@@ -17,7 +17,7 @@ import {
 } from "./input";
 import { color, FieldMap, type Tool } from "./map";
 import { Plots } from "./plots";
-import type { FromGateway, FromWorker, Point, ToWorker, Velocity } from "./protocol";
+import type { FromGateway, FromWorker, Motion, Point, ToWorker, Velocity } from "./protocol";
 import { type Entry, type Robot, World } from "./robots";
 
 function element<T extends HTMLElement = HTMLElement>(id: string): T {
@@ -474,8 +474,8 @@ function choose(number: number): void {
 
 function go(points: Point[]): void {
   const robot = world.robot;
-  if (!robot?.base || points.length === 0) return;
-  ask({ t: "go", robot: robot.number, device: robot.base, points, alone: isPressed("alone") });
+  if (!robot?.destined || points.length === 0) return;
+  ask({ t: "go", robot: robot.number, device: robot.destined, points, alone: isPressed("alone") });
 }
 function formPoint(): Point {
   const [x, y, heading] = ["go-x", "go-y", "go-heading"].map((id) => element<HTMLInputElement>(id).value);
@@ -493,11 +493,11 @@ element("mission-start").addEventListener("click", () => {
   go(map.draft);
   map.draft = [];
 });
-element("mission-pause").addEventListener("click", () => askRobot("pause", world.robot?.base));
-element("mission-resume").addEventListener("click", () => askRobot("resume", world.robot?.base));
+element("mission-pause").addEventListener("click", () => askRobot("pause", world.robot?.destined));
+element("mission-resume").addEventListener("click", () => askRobot("resume", world.robot?.destined));
 element("mission-cancel").addEventListener("click", () => {
   map.draft = [];
-  askRobot("cancel", world.robot?.base);
+  askRobot("cancel", world.robot?.destined);
   drawMission();
 });
 
@@ -510,7 +510,7 @@ function describe([x, y, heading]: Point): string {
 
 function drawMission(): void {
   const robot = world.robot;
-  const mission = robot?.base ? robot.missions.get(robot.base) : undefined;
+  const mission = robot?.mission;
   const drafting = map.draft.length > 0;
   const points = drafting ? map.draft : (mission?.points ?? []);
   const count = mission && mission.points.length > 1 ? ` ${mission.index} of ${mission.points.length}` : "";
@@ -668,16 +668,34 @@ function standing(robot: Robot | null): Standing {
   }
   const motion = robot.motion(base);
   if (!motion) return { state: "…", driver: robot.label, reason: "", level: "idle" };
-  const owner = motion.owner === myName ? "you" : motion.owner || "nobody";
   const levels = { driving: "good", stopping: "warn", stopped: "idle", fault: "bad" } as const;
-  const reason = motion.state === "driving" ? "" : motion.reason;
-  const priority = motion.owner && owner !== "you" ? ` (priority ${motion.owner_priority})` : "";
+  const reasons = motion.state === "driving" ? [] : [motion.reason];
+  const { mission, planner } = robot;
+  if (planner && mission && motion.state === "stopped" && !motion.owner && mission.state !== "running")
+    reasons.unshift(`mission ${mission.state}${mission.reason && `: ${mission.reason}`}`);
   return {
     state: motion.state.toUpperCase(),
-    driver: `${robot.label} · driven by ${owner}${priority}`,
-    reason,
-    level: /no command for/.test(reason) ? "warn" : levels[motion.state],
+    driver: `${robot.label} · driven by ${driverOf(robot, motion)}`,
+    reason: reasons.join(" · "),
+    level: reasons.some((reason) => /^no command for/.test(reason)) ? "warn" : levels[motion.state],
   };
+}
+
+function driverOf(robot: Robot, motion: Motion): string {
+  const { planner } = robot;
+  const mission = planner ? robot.motion(planner, "mission") : undefined;
+  const who = ({ owner, owner_priority }: Motion) =>
+    owner === myName ? "you" : owner ? `${owner} (priority ${owner_priority})` : "nobody";
+  if (planner && mission?.owner && motion.owner === robot.driver(planner)?.name)
+    return `${planner} for ${who(mission)}`;
+  return who(motion);
+}
+
+/** Whom to take it from, or to give it back: the base, or the mission that drives it, has an owner. */
+function owners(robot: Robot | null): string[] {
+  if (!robot?.base) return [];
+  const motions = [robot.motion(robot.base), robot.planner ? robot.motion(robot.planner, "mission") : undefined];
+  return motions.flatMap((motion) => (motion?.owner ? [motion.owner] : []));
 }
 
 function drawPanels(): void {
@@ -688,11 +706,10 @@ function drawPanels(): void {
   setText("driver", now.driver);
   setText("reason", now.reason);
   const base = robot?.base ?? null;
-  const motion = base ? robot?.motion(base) : undefined;
-  const mine = motion?.owner === myName;
+  const mine = owners(robot).includes(myName);
   element("controls").hidden = !connected || yours;
   setText("controls", taken ? "Another page drives: take the controls" : "Take the controls");
-  element("take").hidden = !yours || !motion?.owner || mine;
+  element("take").hidden = !yours || owners(robot).length === 0 || mine;
   element("give").hidden = !yours || !mine;
   const select = element<HTMLSelectElement>("base");
   const bases = robot?.bases() ?? [];
@@ -807,6 +824,7 @@ function drawHealth(robot: Robot | null, base: string | null): void {
       const age = seen === null ? "" : `, seen ${milliseconds(seen * 1000)} ago`;
       facts.push(["Vision", robot.vision + age, /good|unused/.test(robot.vision) ? "" : "warn"]);
     }
+    if (robot.place) facts.push(["Place", robot.place, /^tracking/.test(robot.place) ? "" : "warn"]);
     if (world.visionTrouble) facts.push(["Cameras", world.visionTrouble, "warn"]);
     const gps = robot.device("gps")?.address;
     if (gps && robot.get(gps, "quality") !== null) {

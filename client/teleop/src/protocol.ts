@@ -37,6 +37,7 @@ export interface Driver {
   devices: { device: string; motion: Motion[] }[];
 }
 
+/** Of a planner, or else of a base. */
 export interface Mission {
   points: Point[];
   index: number;
@@ -66,7 +67,7 @@ export type FromGateway =
       streams: { device: string; name: string; paths: string[] }[];
     })
   | (FromRobot & { t: "gone" })
-  | (FromRobot & { t: "status"; round_trip_s: number; drivers: Driver[]; vision?: string })
+  | (FromRobot & { t: "status"; round_trip_s: number; drivers: Driver[]; vision?: string; place?: string })
   | (FromRobot & { t: "event"; severity: number; text: string })
   | (FromRobot & { t: "mission"; device: string } & Mission)
   // Of each stream that has news: its number, age [s] and values.

@@ -316,11 +316,11 @@ class Gateway:
         link = self._link(message)
         device = message["device"]
         if type_ == "go":
-            link.go(device, [_point(point) for point in message["points"]], alone=bool(message["alone"]))
+            await link.go(device, [_point(point) for point in message["points"]], alone=bool(message["alone"]))
         elif type_ == "pause":
             await link.pause(device)
         elif type_ == "resume":
-            link.resume(device)
+            await link.resume(device)
         elif type_ == "cancel":
             await link.cancel(device)
         elif type_ == "take":
