@@ -14,17 +14,21 @@ import time
 import traceback
 from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 import regista
 from regista.cli.hand import Velocity
+from regista.recording import Log
 
 from . import PAGE, vision
 from .link import Link
 from .mission import Point
 from .recordings import Recordings
+
+if TYPE_CHECKING:
+    from .live import Foxglove
 
 FRAMES = 60  # a second
 PENDING_BYTES = 256 * 1024  # a page that is further behind gets no frames until it has caught up
@@ -90,7 +94,8 @@ class Gateway:
     everybody's.
     """
 
-    def __init__(self, name: str, recordings: Path) -> None:
+    def __init__(self, name: str, recordings: Path, live: Foxglove | None = None) -> None:
+        self._live = live
         self.token = secrets.token_urlsafe(16)
         self.url = ""
         self._name = name
@@ -126,7 +131,8 @@ class Gateway:
 
     def add(self, label: str, host: str, port: int) -> Link:
         """A robot; it may come later, and go."""
-        link = Link(max(self._links, default=-1) + 1, label, host, port, self._name[:63], self._tell)
+        live = None if self._live is None else Log(self._live.topics(label))
+        link = Link(max(self._links, default=-1) + 1, label, host, port, self._name[:63], self._tell, live)
         self._links[link.number] = link
         self._running[link.number] = self._spawn(link.run())
         return link
@@ -145,6 +151,8 @@ class Gateway:
         await asyncio.gather(*(link.close() for link in self._links.values()), return_exceptions=True)
         await self._recordings.end()
         await self._recordings.end_play()
+        if self._live is not None:
+            self._live.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)

@@ -67,13 +67,16 @@ class Stream:
 class Link:
     """Runs until it is cancelled. What it has to say goes to `tell`, as the page understands it (docs/teleop.md)."""
 
-    def __init__(self, number: int, label: str, host: str, port: int, name: str, tell: Tell) -> None:
+    def __init__(
+        self, number: int, label: str, host: str, port: int, name: str, tell: Tell, live: recording.Log | None = None
+    ) -> None:
         self.number = number
         self.label = label
         self.name = name
         self.streams: list[Stream] = []
         self.state: dict[str, Any] = {}  # what a page that comes later has to know
-        self._log: recording.Log | None = None
+        self._log: recording.Log | None = None  # while it is recorded
+        self._live = live  # gets everything, always
         self._host, self._port = host, port
         self._tell_all = tell
         self._robot: regista.asyncio.Robot | None = None
@@ -150,8 +153,7 @@ class Link:
             "robot", label=self.label, connected=True, why="", devices=devices, streams=described,
             extended=robot.extended,
         )  # fmt: skip
-        if self._log is not None:
-            await self._begin_record(robot)
+        await self._begin_record(robot)
         while True:
             await self._status(robot)
             self._look.clear()
@@ -223,17 +225,18 @@ class Link:
             return
         for event in self._robot.events():
             self._tell_all({"t": "event", "robot": self.number, "severity": event.severity, "text": event.text})
-            if self._log is not None:
-                self._log.event(event)
+            for log in self._logs():
+                log.event(event)
             for address, mission in self._missions.items():
                 # Everybody hears of every refusal: when the base drives for us, it was another's.
                 if mission.ours and not mission.accepted and event.text.startswith(f"{address} refused: "):
                     mission.fail(event.text)
                     self._tell_mission(address)
             self._look.set()
-        if self._log is not None:
+        if logs := self._logs():
             for received in self._robot.messages():
-                self._log.data(received)
+                for log in logs:
+                    log.data(received)
         for address, mission in self._missions.items():
             hand = self._hands.get(address)
             if (hand is None or hand.settled) and mission.step():
@@ -398,8 +401,11 @@ class Link:
         if self._robot is not None:
             await self._begin_record(self._robot)
 
+    def _logs(self) -> list[recording.Log]:
+        return [log for log in (self._log, self._live) if log is not None]
+
     async def _begin_record(self, robot: regista.asyncio.Robot) -> None:
-        robot.record(0 if self._log is None else RECORD_LIMIT)
+        robot.record(RECORD_LIMIT if self._logs() else 0)
         for address, device in list(robot._devices.items()) if self._log is not None else []:
             for request in recording.descriptions(address.partition(":")[0]):
                 with contextlib.suppress(regista.RefusedError):

@@ -24,8 +24,8 @@ SETTLE_SECONDS = 1.0  # within which a planner takes up what it was told
 class PlannerMission:
     """What the page calls `Mission`, driven by a planner: uploaded, started and watched from here.
 
-    It shows what others uploaded, too. While ours is under way the gateway keeps it alive; whatever pauses it also gives
-    the planner back.
+    It shows what others uploaded, too. While ours is under way the gateway keeps it alive; whatever pauses it also
+    gives the planner back.
     """
 
     def __init__(self, device: Device[Any], name: str) -> None:
