@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What Foxglove and Lichtblick see, by a client of its own: the protocol foxglove.sdk.v1, github.com/foxglove/foxglove-sdk."""
+"""What Foxglove and Lichtblick see: the protocol foxglove.sdk.v1, github.com/foxglove/foxglove-sdk."""
 
 import asyncio
 import json

@@ -17,7 +17,7 @@ import {
 } from "./input";
 import { color, FieldMap, type Tool } from "./map";
 import { Plots } from "./plots";
-import type { FromGateway, FromWorker, Motion, Point, ToWorker, Velocity } from "./protocol";
+import type { FromGateway, FromWorker, Motion, Playing, Point, ToWorker, Velocity } from "./protocol";
 import { type Entry, type Robot, World } from "./robots";
 
 function element<T extends HTMLElement = HTMLElement>(id: string): T {
@@ -68,6 +68,7 @@ let taken = false;
 let pageRoundTrip: number | null = null; // ms
 let recording: { files: string[]; bytes: number; dropped: number; trouble: string } | null = null;
 let playable: string[] = [];
+let playing: Playing | null = null;
 let questions = 0;
 const answers = new Map<number, (error: string | null) => void>();
 
@@ -124,6 +125,7 @@ function take(message: FromGateway): void {
       myName = message.name;
       world.robots.clear();
       world.chosen = null;
+      playing = null;
       break;
     case "controls":
       yours = message.yours;
@@ -137,10 +139,12 @@ function take(message: FromGateway): void {
         wanted = "";
         if (world.chosen !== message.robot) choose(message.robot);
       }
+      if (message.t === "gone" && message.robot === playing?.robot) playing = null;
       drawRobots();
       drawFields();
       drawPanels();
       drawRecording();
+      drawPlayer();
       drawLog();
       if (message.t === "robot" && message.connected) suggestPlot();
       break;
@@ -159,6 +163,10 @@ function take(message: FromGateway): void {
     case "recording":
       recording = message.files.length > 0 ? message : null;
       drawRecording();
+      break;
+    case "playing":
+      playing = message;
+      drawPlayer();
       break;
     case "playable":
       playable = message.files;
@@ -519,31 +527,12 @@ function drawMission(): void {
   element("mission-state").dataset.state = drafting ? "" : (mission?.state ?? "");
   element<HTMLProgressElement>("progress").hidden = drafting || !mission || mission.points.length < 2;
   element<HTMLProgressElement>("progress").value = mission ? mission.index / mission.points.length : 0;
-  const swap = (a: number, b: number) => {
-    const [one, other] = [map.draft[a], map.draft[b]];
-    if (!one || !other) return;
-    map.draft[a] = other;
-    map.draft[b] = one;
-    drawMission();
-  };
-  element("points").replaceChildren(
-    ...points.map((point, i) => {
-      const item = make("li");
-      item.append(make("span", describe(point)));
-      if (!drafting) {
-        item.className = mission && i < mission.index ? "reached" : "";
-        return item;
-      }
-      const up = button("↑", `Way-point ${i + 1} earlier`, () => swap(i, i - 1));
-      const down = button("↓", `Way-point ${i + 1} later`, () => swap(i, i + 1));
-      const away = button("×", `Remove way-point ${i + 1}`, () => {
-        map.draft.splice(i, 1);
-        drawMission();
-      });
-      item.append(up, down, away);
-      return item;
-    }),
-  );
+  // Anew only when it changed: what has the focus keeps it.
+  const first = drafting ? 0 : Math.max(0, (mission?.index ?? 0) - 3);
+  const listed = drafting ? points : points.slice(first, first + MOST_LISTED);
+  const now = JSON.stringify([drafting, first, mission?.index, listed, robot?.geographic(0, 0)]);
+  if (now !== drawnPoints) drawPoints(listed, first, drafting, mission?.index ?? 0);
+  drawnPoints = now;
   const show = (id: string, on: boolean) => {
     element(id).hidden = !on;
   };
@@ -551,6 +540,41 @@ function drawMission(): void {
   show("mission-pause", !drafting && mission?.state === "running");
   show("mission-resume", !drafting && (mission?.state === "paused" || mission?.state === "failed"));
   show("mission-cancel", drafting || mission !== undefined);
+}
+
+const MOST_LISTED = 100;
+let drawnPoints = "";
+function drawPoints(points: Point[], first: number, drafting: boolean, index: number): void {
+  const swap = (a: number, b: number) => {
+    const [one, other] = [map.draft[a], map.draft[b]];
+    if (!one || !other) return;
+    map.draft[a] = other;
+    map.draft[b] = one;
+    drawMission();
+    element("points").querySelectorAll<HTMLElement>(`[data-point="${b}"]`)[b < a ? 0 : 1]?.focus();
+  };
+  const list = element<HTMLOListElement>("points");
+  list.start = first + 1;
+  list.replaceChildren(
+    ...points.map((point, i) => {
+      const item = make("li");
+      item.append(make("span", describe(point)));
+      if (!drafting) {
+        item.className = first + i < index ? "reached" : "";
+        return item;
+      }
+      const up = button("↑", `Way-point ${i + 1} earlier`, () => swap(i, i - 1));
+      const down = button("↓", `Way-point ${i + 1} later`, () => swap(i, i + 1));
+      const away = button("×", `Remove way-point ${i + 1}`, () => {
+        map.draft.splice(i, 1);
+        drawMission();
+        (element("points").querySelectorAll<HTMLElement>(`[data-point="${i}"]`)[2] ?? element("go-add")).focus();
+      });
+      for (const one of [up, down, away]) one.dataset.point = String(i);
+      item.append(up, down, away);
+      return item;
+    }),
+  );
 }
 
 // ---- Plots and recordings
@@ -588,6 +612,34 @@ element("play").addEventListener("click", () => {
   if (file) ask({ t: "play", file });
 });
 element("end-play").addEventListener("click", () => ask({ t: "end_play" }));
+
+const playerAt = element<HTMLInputElement>("player-at");
+let grabbed = false; // the slider is where the hand is
+element("player-pause").addEventListener("click", () =>
+  ask({ t: "steer", rate: playing?.rate === 0 ? Number(element<HTMLSelectElement>("player-rate").value) : 0 }),
+);
+element("player-rate").addEventListener("change", () => {
+  if (playing?.rate !== 0) ask({ t: "steer", rate: Number(element<HTMLSelectElement>("player-rate").value) });
+});
+playerAt.addEventListener("input", () => {
+  grabbed = true;
+});
+playerAt.addEventListener("change", () => {
+  grabbed = false;
+  ask({ t: "steer", at: Number(playerAt.value) });
+});
+function drawPlayer(): void {
+  element("player").hidden = !playing;
+  if (!playing) return;
+  const { at, length, rate } = playing;
+  press("player-pause", rate === 0);
+  setText("player-pause", rate === 0 ? "Go on" : "Pause");
+  playerAt.max = String(length);
+  if (!grabbed) playerAt.value = String(at);
+  const place = `${at.toFixed(1)} of ${length.toFixed(1)} s`;
+  playerAt.setAttribute("aria-valuetext", place);
+  setText("player-text", place);
+}
 
 function drawRecording(): void {
   press("record", recording !== null);
@@ -830,9 +882,10 @@ function drawHealth(robot: Robot | null, base: string | null): void {
     if (gps && robot.get(gps, "quality") !== null) {
       const fix = ["no fix", "GPS", "differential"][robot.get(gps, "quality") ?? 0] ?? "fix";
       const error = robot.get(gps, "horizontal_error_m");
+      const within = error === null ? "" : `, ±${error.toFixed(2)} m`;
       facts.push([
         "GPS",
-        `${fix}, ${robot.get(gps, "satellites")} satellites, ±${error?.toFixed(2)} m`,
+        `${fix}, ${robot.get(gps, "satellites") ?? "?"} satellites${within}`,
         fix === "no fix" ? "bad" : "",
       ]);
       const degrees = ["latitude", "longitude"].map((path) => ((robot.get(gps, path) ?? 0) / 1e7).toFixed(6));
@@ -842,7 +895,8 @@ function drawHealth(robot: Robot | null, base: string | null): void {
     const driver = robot.driver(base);
     if (driver) {
       const { p50, p99 } = driver.jitter_us;
-      facts.push(["Beat", `${driver.rate_hz.toFixed(0)} Hz, jitter p50 ${p50.toFixed(0)} p99 ${p99.toFixed(0)} µs`]);
+      const number = (value: number | null) => value?.toFixed(0) ?? "?";
+      facts.push(["Beat", `${number(driver.rate_hz)} Hz, jitter p50 ${number(p50)} p99 ${number(p99)} µs`]);
     }
   }
   for (const driver of robot?.drivers ?? []) {
@@ -901,11 +955,12 @@ element("theme").addEventListener("click", () => {
 
 drawMapping();
 drawPanels();
+drawPlayer();
 setInterval(drawPanels, 100);
 function frame(now: number): void {
+  requestAnimationFrame(frame);
   map.draw(now);
   plots.draw();
-  requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);
 

@@ -52,6 +52,15 @@ export interface Field {
   boundary_m: number; // around it
 }
 
+/** A recording that is played as a robot. */
+export interface Playing {
+  robot: number;
+  file: string;
+  at: number; // s
+  length: number; // s
+  rate: number; // of the time that it took, 0: pause
+}
+
 type FromRobot = { robot: number };
 
 export type FromGateway =
@@ -74,6 +83,7 @@ export type FromGateway =
   | { t: "frame"; at: number; robots: [robot: number, rows: (number | null)[][]][] }
   | { t: "vision"; field?: Field; ball?: [x: number, y: number]; why: string }
   | { t: "recording"; files: string[]; bytes: number; dropped: number; trouble: string }
+  | ({ t: "playing" } & Playing)
   | { t: "playable"; files: string[] }
   | { t: "stopped" } // somebody pressed STOP: what is held counts no more
   | { t: "reply"; n: number; error: string | null }

@@ -185,7 +185,7 @@ export class Robot {
     );
     if (latitude == null || longitude == null || !quality) return null;
     const { x, y } = toPlane(latitude / 1e7, longitude / 1e7, this.#anchor);
-    return { x: this.#anchor.x + x, y: this.#anchor.y + y, error: error ?? 0 };
+    return { x: this.#anchor.x + x, y: this.#anchor.y + y, error: Math.max(0, error ?? 0) };
   }
 
   /** Latitude and longitude [degrees] of a place in the base's frame. */

@@ -66,7 +66,7 @@ class Page:
         return self.shown and not self.silent
 
     def tell(self, message: dict[str, Any]) -> None:
-        self._put(json.dumps(message, separators=(",", ":")))
+        self._put(to_json(message))
 
     def frame(self, text: str) -> None:
         self.behind = False
@@ -101,6 +101,7 @@ class Gateway:
         self._name = name
         self._recordings = Recordings(recordings)
         self._played: Link | None = None
+        self._changing_player = asyncio.Lock()
         self._field: dict[str, float] | None = None
         self._links: dict[int, Link] = {}
         self._running: dict[int, asyncio.Task[None]] = {}
@@ -313,11 +314,17 @@ class Gateway:
             await self._record(bool(message["on"]))
             return
         if type_ == "play":
-            await self._end_play()
-            await self._recordings.play(message["file"], functools.partial(self._add_player, message["file"]))
+            name = str(message["file"])
+            async with self._changing_player:
+                await self._end_play()
+                await self._recordings.play(name, functools.partial(self._add_player, name), self._tell_play)
             return
         if type_ == "end_play":
-            await self._end_play()
+            async with self._changing_player:
+                await self._end_play()
+            return
+        if type_ == "steer":
+            self._recordings.steer({key: _number(message[key]) for key in ("at", "rate") if key in message})
             return
         if page is not self._pilot:
             raise ValueError("another page has the controls: take them first")
@@ -353,6 +360,10 @@ class Gateway:
             await self._recordings.end()
         self._tell({"t": "recording", **self._recordings.to_dict()})
         self._tell({"t": "playable", "files": self._recordings.files()})
+
+    def _tell_play(self, where: dict[str, Any]) -> None:
+        if self._played is not None:
+            self._tell({"t": "playing", "robot": self._played.number, **where})
 
     def _add_player(self, name: str, port: int) -> None:
         self._played = self.add(name, "127.0.0.1", port)
@@ -419,7 +430,23 @@ class Gateway:
         robots = [[link.number, rows] for link in self._links.values() if (rows := link.news(now, again=again))]
         if not robots and not again:
             return None
-        return json.dumps({"t": "frame", "at": round(now, 4), "robots": robots}, separators=(",", ":"))
+        return to_json({"t": "frame", "at": round(now, 4), "robots": robots})
+
+
+def to_json(message: Any) -> str:
+    """As browsers read it: what is no finite number is null."""
+    try:
+        return json.dumps(message, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(message), separators=(",", ":"), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _number(value: Any) -> float:
