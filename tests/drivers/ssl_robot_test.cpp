@@ -271,12 +271,29 @@ TEST(SslRobot, stops_position_control_after_half_a_second_without_vision_and_res
   EXPECT_NEAR(speed(robot), 0, 0.02);
   const double stopped_x = robot.truth().pose.x;
   EXPECT_LT(stopped_x, 1.5);
-  robot.go({.x = 1});
-  EXPECT_EQ(robot.bench().events(), "position2d:0 refused: vision lost 0.5 s — position control stopped\n");
   robot.look(true);
   robot.run(4s);
   EXPECT_EQ(robot.bench().events(), "position2d:0: vision is back\n");
   EXPECT_LT(distance(robot.truth().pose, {.x = 2}), 0.01);
+}
+
+TEST(SslRobot, refuses_a_destination_without_vision_and_does_not_resume_the_one_before_it) {
+  Robot robot;
+  robot.settle();
+  robot.go({.x = 2});
+  robot.run(1s);
+  robot.look(false);
+  robot.run(1160ms);
+  (void)robot.bench().events();
+  robot.go({.x = 1});
+  EXPECT_EQ(robot.bench().events(), "position2d:0 refused: vision lost 0.5 s — position control stopped\n");
+  const Pose2d there = robot.truth().pose;
+  robot.look(true);
+  robot.run(1s);
+  EXPECT_LT(distance(robot.truth().pose, there), 0.03);
+  robot.go({.x = 1});
+  robot.run(4s);
+  EXPECT_LT(distance(robot.truth().pose, {.x = 1}), 0.01);
 }
 
 TEST(SslRobot, gives_its_destination_up_after_two_seconds_without_vision) {
