@@ -67,6 +67,7 @@ control::FieldEstimatorConfig read_estimator(const Section& config) {
   estimator.fix_sd_m = config.length("vision_sd", estimator.fix_sd_m, positive);
   estimator.fix_sd_rad = config.angle("vision_turn_sd", estimator.fix_sd_rad, positive);
   estimator.wheels_sd_mps = config.length("wheels_sd", estimator.wheels_sd_mps, positive);
+  estimator.wheels_slip_s = config.number("wheels_slip", 0.3, not_negative);
   estimator.translation.acceleration_density =
       config.number("accel_density", estimator.translation.acceleration_density, not_negative);
   estimator.orientation.rate_density = config.number("gyro_density", estimator.orientation.rate_density, not_negative);
@@ -347,6 +348,7 @@ void SslRobot::forget_target() {
 
 Result<> SslRobot::read(const Tick& tick) {
   if (Result<> heard = board_.receive(tick); !heard) return heard;
+  measured_ = tick.now - tick.dt;  // the board answers the frame of the beat before
   if (Result<> measured = read_imu(tick); !measured) return measured;
   estimate(tick);
   watch_vision(tick.now);
@@ -514,8 +516,10 @@ MotorBoardCommand SslRobot::command() const {
 void SslRobot::publish() {
   const control::MotionState state = estimator_.estimate();
   const MotorBoardTelemetry& telemetry = board_.telemetry();
-  base_.send(position2d::State{
-      .pose = state.pose, .velocity = to_body(state.velocity, state.pose.heading), .stalled = telemetry.stalled != 0});
+  base_.send(position2d::State{.pose = state.pose,
+                               .velocity = to_body(state.velocity, state.pose.heading),
+                               .stalled = telemetry.stalled != 0},
+             measured_);
   if (imu_calibration_.ready()) {
     const control::ImuSample& body = imu_calibration_.calibrated();
     imu_.send(imu::Calibrated{.acceleration_x = static_cast<float>(body.accel_mps2.x()),
