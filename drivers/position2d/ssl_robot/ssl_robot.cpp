@@ -348,7 +348,6 @@ void SslRobot::forget_target() {
 
 Result<> SslRobot::read(const Tick& tick) {
   if (Result<> heard = board_.receive(tick); !heard) return heard;
-  measured_ = tick.now - tick.dt;  // the board answers the frame of the beat before
   if (Result<> measured = read_imu(tick); !measured) return measured;
   estimate(tick);
   watch_vision(tick.now);
@@ -516,10 +515,8 @@ MotorBoardCommand SslRobot::command() const {
 void SslRobot::publish() {
   const control::MotionState state = estimator_.estimate();
   const MotorBoardTelemetry& telemetry = board_.telemetry();
-  base_.send(position2d::State{.pose = state.pose,
-                               .velocity = to_body(state.velocity, state.pose.heading),
-                               .stalled = telemetry.stalled != 0},
-             measured_);
+  base_.send(position2d::State{
+      .pose = state.pose, .velocity = to_body(state.velocity, state.pose.heading), .stalled = telemetry.stalled != 0});
   if (imu_calibration_.ready()) {
     const control::ImuSample& body = imu_calibration_.calibrated();
     imu_.send(imu::Calibrated{.acceleration_x = static_cast<float>(body.accel_mps2.x()),

@@ -143,7 +143,6 @@ class SslRobot final : public Driver {
   // Of the robot, as it seems.
   control::FieldEstimator estimator_;
   control::ImuCalibration imu_calibration_;
-  Time measured_{};                             ///< what the board told last
   BodyVelocity wheels_;                         ///< as they turned last
   std::optional<MotorBoardTelemetry> counted_;  ///< where `wheels_` starts to count
   std::optional<MotorBoardTelemetry> watched_;  ///< where slip starts to be looked for
