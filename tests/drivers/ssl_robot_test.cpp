@@ -321,6 +321,40 @@ TEST(SslRobot, drives_at_velocities_without_vision) {
   EXPECT_GT(speed(robot), 0.3);
 }
 
+/// By 3 m/s at once, to and fro, and to poses: wheels slip against the floor at up to 0.9 m/s. How far the
+/// estimate is off the truth, at worst [m].
+double worst_when_wheels_slip(const std::string& keys, bool blind) {
+  Robot robot{{}, "vision_sd 0.008 speed 1.2 accel 2.5 " + keys};
+  robot.settle();
+  double worst = 0;
+  for (int i = 0; i < 16; ++i) {
+    const double angle = (i / 4) * pi / 4;
+    const double x = std::cos(angle), y = std::sin(angle);
+    const bool to_pose = i % 4 >= 2;
+    if (to_pose) robot.go(i % 2 == 0 ? Pose2d{.x = x, .y = y} : Pose2d{});
+    for (int k = 0; k < 16; ++k) {
+      const double v = k < 10 ? (i % 2 == 0 ? 1.5 : -1.5) : 0;
+      if (!to_pose) robot.bench().send(VelocityCommand{.velocity = {.x = v * x, .y = v * y}}, base);
+      robot.look(!blind || k < 8);
+      robot.run(50ms);
+      worst = std::max(worst, distance(robot.estimate(), robot.truth().pose));
+    }
+  }
+  EXPECT_EQ(robot.count("vision.restarts"), 0);
+  return worst;
+}
+
+TEST(SslRobot, is_not_deceived_by_wheels_that_slip_together) {
+  const double believed = worst_when_wheels_slip("wheels_slip 0", false);
+  const double doubted = worst_when_wheels_slip("", false);
+  const double blind = worst_when_wheels_slip("", true);
+  std::printf("wheels believed: off by %.1f mm; doubted: %.1f mm, and blind for 0.4 s %.1f mm\n", 1e3 * believed,
+              1e3 * doubted, 1e3 * blind);
+  EXPECT_LT(doubted, 0.01);
+  EXPECT_LT(blind, 0.03);
+  EXPECT_GT(believed, 2 * doubted);
+}
+
 TEST(SslRobot, rejects_and_counts_poses_that_jump) {
   Robot robot{{.vision = {.flip = 0.03, .teleport = 0.03}}};
   robot.settle();

@@ -245,13 +245,15 @@ class Robots:
 class Bridge:
     """regista-vision-bridge on lo, on ports of its own. robots: [(team, id, port)], or with the device's index."""
 
-    def __init__(self, folder, robots, keys="", arguments=(), vision_port=None):
+    def __init__(self, folder, robots, keys="", arguments=(), vision_port=None, usual_tracked_port=False):
+        """A port of 0: any; None: the one that everybody uses."""
         self.vision_port, self.referee_port, self.tracked_port = (free_udp_port() for _ in range(3))
         self.vision_port = vision_port or self.vision_port
+        tracked_key = "" if usual_tracked_port else f"tracked_port {self.tracked_port}"
         config = folder / "bridge.cfg"
         lines = [
             f'vision ( interfaces ["lo"] port {self.vision_port} referee_port {self.referee_port}',
-            f"tracked_port {self.tracked_port} status_port 0 {keys} )",
+            f"{tracked_key} status_port 0 {keys} )",
         ]
         for team, robot, port, *index in robots:
             index = index[0] if index else 1

@@ -4,6 +4,7 @@
 import contextlib
 import itertools
 import math
+import socket
 import subprocess
 import sys
 import time
@@ -22,6 +23,7 @@ from league import (
     records,
     referee,
     tracked,
+    unpack,
     wait_for,
 )
 
@@ -41,12 +43,12 @@ def pace(begin, period):
         beat += 1
 
 
-def play(bridge, seconds, robots, rate=60, clock=0.0):
+def play(bridge, seconds, robots, rate=60, clock=0.0, balls=()):
     """One camera that sees robots stand."""
     for beat in pace(time.monotonic(), 1 / rate):
         if beat > seconds * rate:
             return
-        bridge.vision.send(detection(0, beat, clock + beat / rate, robots))
+        bridge.vision.send(detection(0, beat, clock + beat / rate, robots, balls))
 
 
 def test_recorded_vision_reaches_every_robot(tmp_path):
@@ -223,6 +225,38 @@ def test_tracked_vision_is_passed_on_and_published(tmp_path):
         _, x, y, heading, age = robots.poses[0][0]
         assert (x, y, heading) == (1.5, -2, 0.5)
         assert 0.03 <= age < 0.03 + NOISE
+
+
+def test_tracked_vision_is_published_where_the_league_looks_for_it(tmp_path):
+    """On 224.5.23.2:10010, read here by the numbers of the league's schema."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
+        heard.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        heard.bind(("224.5.23.2", 10010))
+        heard.setsockopt(
+            socket.IPPROTO_IP,
+            socket.IP_ADD_MEMBERSHIP,
+            socket.inet_aton("224.5.23.2") + socket.inet_aton("127.0.0.1"),
+        )
+        heard.settimeout(5)
+        with Bridge(tmp_path, [], keys='publish ["lo"] delay 0', usual_tracked_port=True) as bridge:
+            begin = time.time()
+            play(bridge, 0.5, [(BLUE, 13, 1.234, -2.5, 0.75)], balls=[(0.5, -0.25)])
+            for _ in range(1000):  # others may publish there, too
+                wrapper = dict(unpack(heard.recv(65536)))
+                frame = unpack(wrapper[3])
+                robots = [unpack(value) for number, value in frame if number == 4]
+                if robots and dict(unpack(dict(robots[0])[1])) == {1: 13, 2: 2}:
+                    break
+    assert wrapper[2] == b"regista" and len(wrapper[1]) == 36
+    (robot,) = map(dict, robots)
+    assert [value for _, value in unpack(robot[2])] == pytest.approx([1.234, -2.5], abs=1e-3)  # metres
+    assert robot[3] == pytest.approx(0.75, abs=1e-3)
+    assert [value for _, value in unpack(robot[4])] == pytest.approx([0, 0], abs=0.05)
+    assert robot[6] == pytest.approx(1)  # visibility
+    fields = dict(frame)
+    assert begin <= fields[2] <= time.time(), "Unix time"
+    ball = dict(unpack(fields[3]))
+    assert [value for _, value in unpack(ball[1])][:2] == pytest.approx([0.5, -0.25], abs=1e-3)
 
 
 def test_what_is_recorded_replays(tmp_path):

@@ -50,7 +50,8 @@ def test_the_delay_is_learnt_while_a_robot_turns(tmp_path):
             loop.pilot.client.send(POSITION2D, 0, COMMAND, 1, struct.pack(">3dI", 0, 0, 4 * turn - 3, 1))
             time.sleep(0.3)
     print("learnt:", delay)
-    assert abs(delay["ms"] - 1e3 * HIDDEN) < 6
+    # The board answers with what it measured over the beat before: 7.5 ms late, at 200 Hz.
+    assert abs(delay["ms"] - (1e3 * HIDDEN - 7.5)) < 5
 
 
 @in_real_time
