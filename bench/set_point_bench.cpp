@@ -158,7 +158,7 @@ std::vector<Time> drive(Duration duration) {
     Daemon bus{::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC)};
     Both both{bus};
     canopen::Pump pump{bus, both};
-    while (pump.wait(Clock::now() + 1s)) {
+    while (pump.wait(1s)) {
     }
     arrivals = both.arrivals;
   }};
@@ -178,7 +178,7 @@ std::vector<Time> drive(Duration duration) {
     const Time limit = Clock::now() + 20s;
     Time end = limit;
     while (Clock::now() < end) {
-      if (Result<> served = pump.wait(end); !served) throw std::runtime_error{served.error().message()};
+      if (Result<> served = pump.wait(end - Clock::now()); !served) throw std::runtime_error{served.error().message()};
       if (!enabling && std::ranges::all_of(group.drives(), &can_motor::DriveNode::ready)) {
         enabling = true;
         group.enable([&](const Result<>& done) { end = done ? Clock::now() + duration : limit; }, Clock::now());

@@ -72,12 +72,12 @@ class Session {
   /// False when `limit` passed or Ctrl-C came before.
   bool run_until(const std::function<bool()>& done, Duration limit) {
     Pump pump{*bus_, tap_};
-    const Time end = limit == Duration::max() ? Time::max() : Clock::now() + limit;
     master_.on_time(Clock::now());
+    const Time begin = master_.now();
     while (!done()) {
-      if (interrupted != 0 || Clock::now() >= end) return false;
-      if (const Result<> served = pump.wait(std::min(end, Clock::now() + 200ms)); !served)
-        throw Failure{served.error()};
+      const Duration left = limit - (master_.now() - begin);
+      if (interrupted != 0 || left <= Duration::zero()) return false;
+      if (const Result<> served = pump.wait(std::min<Duration>(left, 200ms)); !served) throw Failure{served.error()};
     }
     return true;
   }
@@ -297,7 +297,8 @@ int dump(const Arguments& a) {
   std::cerr << "listening on " << a.bus << "\n" << std::flush;
   const Time end = a.seconds > 0 ? Clock::now() + from_seconds(a.seconds) : Time::max();
   while (interrupted == 0 && (a.count == 0 || seen < a.count) && Clock::now() < end) {
-    if (const Result<> served = pump.wait(std::min(end, Clock::now() + 200ms)); !served) throw Failure{served.error()};
+    if (const Result<> served = pump.wait(std::min<Duration>(end - Clock::now(), 200ms)); !served)
+      throw Failure{served.error()};
   }
   return 0;
 }
@@ -439,12 +440,12 @@ int device(const Arguments& a) {
                                                        << std::flush; },
                .silent = [](std::uint16_t code) { std::cout << emcy_text(code) << "\n"
                                                             << std::flush; }},
-              {}};
+              {.timeout = 2 * a.timeout}};  // who asks gives up before who is asked
   self = &slave;
   Pump pump{**bus, slave};
   std::cout << "ready" << "\n" << std::flush;
   while (interrupted == 0) {
-    if (const Result<> served = pump.wait(Clock::now() + 200ms); !served) throw Failure{served.error()};
+    if (const Result<> served = pump.wait(200ms); !served) throw Failure{served.error()};
     if (raised) slave.emergency(*std::exchange(raised, std::nullopt), Clock::now());
   }
   return 0;

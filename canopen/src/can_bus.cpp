@@ -6,8 +6,7 @@ namespace regista::canopen {
 Result<> serve(CanBus& bus, Station& station, Time now) {
   // Not until none is left: on a busy bus that is never, and then the time would stand still and every deadline be
   // missed.
-  constexpr int most = 16;
-  for (int i = 0; i < most; ++i) {
+  for (std::size_t i = 0; i < frames_at_once; ++i) {
     const auto received = bus.receive();
     if (!received) return received.error();
     if (!*received) break;

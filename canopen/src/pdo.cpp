@@ -74,7 +74,10 @@ std::vector<SdoWrite> pdo_writes(NodeId node, const PdoSettings& settings) {
   std::vector<SdoWrite> writes;
   writes.push_back(sdo_write<std::uint32_t>({parameters, 1}, cob_id | off));
   writes.push_back(sdo_write<std::uint8_t>({parameters, 2}, settings.transmission));
-  if (settings.inhibit_100us) writes.push_back(sdo_write<std::uint16_t>({parameters, 3}, *settings.inhibit_100us));
+  if (settings.inhibit_100us) {
+    writes.push_back(sdo_write<std::uint16_t>({parameters, 3}, *settings.inhibit_100us));
+    writes.back().optional = true;  // without it more come, and that is all
+  }
   if (settings.event_timer_ms) writes.push_back(sdo_write<std::uint16_t>({parameters, 5}, *settings.event_timer_ms));
   if (settings.sync_start) writes.push_back(sdo_write<std::uint8_t>({parameters, 6}, *settings.sync_start));
   writes.push_back(sdo_write<std::uint8_t>({mapping, 0}, 0));
@@ -85,6 +88,18 @@ std::vector<SdoWrite> pdo_writes(NodeId node, const PdoSettings& settings) {
   writes.push_back(sdo_write<std::uint8_t>({mapping, 0}, count));
   writes.push_back(sdo_write<std::uint32_t>({parameters, 1}, cob_id));
   return writes;
+}
+
+std::vector<SdoWrite> fixed_pdo_writes(NodeId node, const PdoSettings& settings) {
+  const std::vector<SdoWrite> writes = pdo_writes(node, settings);
+  std::vector<SdoWrite> last;
+  for (auto write = writes.begin(); write != writes.end(); ++write) {
+    // Not the steps on the way: PDO off, no objects in it.
+    if (std::ranges::find(write + 1, writes.end(), write->object, &SdoWrite::object) != writes.end()) continue;
+    last.push_back(*write);
+    last.back().only_if_different = true;
+  }
+  return last;
 }
 
 SdoWrite pdo_off(NodeId node, PdoDirection direction, int number) {

@@ -3,6 +3,7 @@
 #include <sys/epoll.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
+#include <algorithm>
 #include <regista/canopen/pump.hpp>
 #include <system_error>
 
@@ -35,6 +36,9 @@ Pump::~Pump() {
 Result<> Pump::run(Time now) {
   Result<> served = serve(bus_, station_, now);
   const Time next = station_.next_wake();
+  // Set too early it only fires for nothing, once; setting it anew for each frame would be a system call each.
+  if (now < armed_ && armed_ <= next) return served;
+  armed_ = next;
   // CLOCK_MONOTONIC is what steady_clock reads. A time of zero would switch the timer off; one that is past fires at
   // once.
   const auto since_boot = std::max<std::chrono::nanoseconds>(next.time_since_epoch(), std::chrono::nanoseconds{1});
@@ -48,10 +52,10 @@ Result<> Pump::run(Time now) {
   return served;
 }
 
-Result<> Pump::wait(Time until) {
-  const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+Result<> Pump::wait(Duration longest) {
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(longest).count();
   pollfd ready{.fd = epoll_, .events = POLLIN, .revents = 0};
-  if (left > 0) (void)::poll(&ready, 1, static_cast<int>(std::min<std::int64_t>(left, 60'000)));
+  (void)::poll(&ready, 1, static_cast<int>(std::clamp<std::int64_t>(left, 0, 60'000)));
   return run(Clock::now());
 }
 

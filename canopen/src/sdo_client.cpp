@@ -78,7 +78,7 @@ void SdoClient::upload(ObjectIndex object, SdoTransfer transfer, SdoDone done, T
     block_size_ = options_.block_size;
     return begin(object, State::block_upload_initiate, frame(0xA4, block_size_), std::move(done), now);
   }
-  begin(object, State::upload_initiate, frame(0x40), std::move(done), now);
+  begin(object, State::upload_initiate, standard_request(), std::move(done), now);
 }
 
 void SdoClient::download(ObjectIndex object, Bytes data, SdoTransfer transfer, SdoDone done, Time now) {
@@ -86,16 +86,27 @@ void SdoClient::download(ObjectIndex object, Bytes data, SdoTransfer transfer, S
   reading_ = false;
   data_ = std::move(data);
   object_ = object;
-  const auto size = static_cast<std::uint32_t>(data_.size());
   if (transfer == SdoTransfer::block) {
+    const auto size = static_cast<std::uint32_t>(data_.size());
     return begin(object, State::block_download_initiate, frame(0xC6, size), std::move(done), now);
   }
-  const bool expedited = 1 <= size && size <= 4;
-  const auto request =
-      expedited ? frame(static_cast<std::uint8_t>(0x23U | (4 - size) << 2), static_cast<std::uint32_t>(get_le(data_)))
-                : frame(0x21, size);
-  begin(object, State::download_initiate, request, std::move(done), now);
-  offset_ = expedited ? size : 0;
+  begin(object, State::download_initiate, standard_request(), std::move(done), now);
+}
+
+bool SdoClient::expedited() const { return 1 <= data_.size() && data_.size() <= 4; }
+
+CanFrame SdoClient::standard_request() const {
+  if (reading_) return frame(0x40);
+  const auto size = static_cast<std::uint32_t>(data_.size());
+  return expedited()
+             ? frame(static_cast<std::uint8_t>(0x23U | (4 - size) << 2), static_cast<std::uint32_t>(get_le(data_)))
+             : frame(0x21, size);
+}
+
+/// The node has no blocks. It has done nothing yet, so asking once more does no harm.
+void SdoClient::start_standard(Time now) {
+  state_ = reading_ ? State::upload_initiate : State::download_initiate;
+  stage(standard_request(), now);
 }
 
 void SdoClient::pop(Time now) {
@@ -120,8 +131,11 @@ void SdoClient::finish(Result<Bytes> result) {
 }
 
 bool SdoClient::initiating() const {
-  return state_ == State::download_initiate || state_ == State::upload_initiate ||
-         state_ == State::block_download_initiate || state_ == State::block_upload_initiate;
+  return state_ == State::download_initiate || state_ == State::upload_initiate || initiating_block();
+}
+
+bool SdoClient::initiating_block() const {
+  return state_ == State::block_download_initiate || state_ == State::block_upload_initiate;
 }
 
 void SdoClient::give_up(SdoAbort code, Error why, Time now) {
@@ -184,9 +198,13 @@ void SdoClient::on_frame(const CanFrame& frame, Time now) {
     return;
   }
   if (frame.data[0] == abort_command) {
-    if (!initiating() || object_of(frame) == object_) return finish(error(static_cast<SdoAbort>(word_of(frame))));
-    ++strays_;
-    return;
+    if (initiating() && object_of(frame) != object_) {
+      ++strays_;
+      return;
+    }
+    const auto code = static_cast<SdoAbort>(word_of(frame));
+    if (initiating_block() && code == SdoAbort::unknown_command) return start_standard(now);
+    return finish(error(code));
   }
   if (out_ && state_ != State::block_download_segments && state_ != State::block_upload_segments) {
     ++strays_;  // what we have not asked for yet cannot be answered
@@ -219,6 +237,8 @@ void SdoClient::on_frame(const CanFrame& frame, Time now) {
         start.data[0] = 0xA3;
         return stage(start, now);
       }
+      if (specifier(frame) == 2)
+        return on_upload_initiate(frame, now);  // it answers as if no blocks had been asked for
       if (object_of(frame) == object_) return abort(SdoAbort::unknown_command, now);
       break;
     case State::block_upload_segments:
@@ -238,7 +258,7 @@ void SdoClient::on_download_answer(const CanFrame& frame, Time now) {
       return;
     }
     if (specifier(frame) != 3) return abort(SdoAbort::unknown_command, now);
-    if (last_ || (offset_ != 0 && offset_ == data_.size())) return finish(Bytes{});
+    if (expedited()) return finish(Bytes{});
     state_ = State::download_segment;
     return send_segment(now);
   }

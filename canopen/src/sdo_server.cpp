@@ -104,7 +104,7 @@ void SdoServer::initiate_download(const CanFrame& frame, Time now) {
   const bool sized = (frame.data[0] & 1U) != 0;
   announced_.reset();
   if (expedited) {
-    const std::size_t size = sized ? 4U - (frame.data[0] >> 2 & 3U) : 4U;
+    const std::size_t size = sized ? 4U - (frame.data[0] >> 2 & 3U) : objects_.short_size(object_);
     data_.assign(frame.data.begin() + 4, frame.data.begin() + 4 + static_cast<std::ptrdiff_t>(size));
     return store(now, 0x60);
   }

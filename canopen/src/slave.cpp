@@ -81,6 +81,12 @@ Result<> Slave::write_object(ObjectIndex object, ByteView data) {
   return {};
 }
 
+std::size_t Slave::short_size(ObjectIndex object) const {
+  const ObjectEntry* entry = dictionary_.find(object);
+  const std::size_t size = entry == nullptr ? 0 : size_of(entry->type);
+  return 1 <= size && size <= 4 ? size : 4;
+}
+
 /// A write from outside.
 std::optional<SdoAbort> Slave::change(ObjectIndex object, ByteView data) {
   const auto found = dictionary_.objects.find(object);
@@ -282,7 +288,7 @@ void Slave::on_frame(const CanFrame& frame, Time now) {
 }
 
 void Slave::on_nmt(const CanFrame& frame, Time now) {
-  if (frame.size != 2 || (frame.data[1] != 0 && frame.data[1] != node_) || node_ == lss_unconfigured) return;
+  if (frame.size < 2 || (frame.data[1] != 0 && frame.data[1] != node_) || node_ == lss_unconfigured) return;
   switch (static_cast<NmtCommand>(frame.data[0])) {
     case NmtCommand::start:
       return enter(NmtState::operational, now);

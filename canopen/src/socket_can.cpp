@@ -37,19 +37,40 @@ CanFrame from_kernel(const ::can_frame& raw) {
   return frame;
 }
 
-/// The kernel stamps with the wall clock: how long ago it was, taken from now.
-Time steady_time(const timespec& stamp) {
-  timespec wall{};
-  ::clock_gettime(CLOCK_REALTIME, &wall);
-  const auto nanoseconds = [](const timespec& time) {
-    return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};
-  };
-  const auto age = nanoseconds(wall) - nanoseconds(stamp);
-  // The wall clock may have been set between the two.
-  return Clock::now() - std::clamp<Duration>(age, Duration::zero(), std::chrono::seconds{1});
+std::chrono::nanoseconds nanoseconds(const timespec& time) {
+  return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};
 }
 
 }  // namespace
+
+struct SocketCan::Batch {
+  struct Slot {
+    ::can_frame frame{};
+    iovec where{};
+    alignas(cmsghdr) std::array<char, 128> control{};
+  };
+  std::array<Slot, frames_at_once> slots;
+  std::array<mmsghdr, frames_at_once> messages;
+  std::size_t count = 0;
+  std::size_t next = 0;
+  Time taken;                       ///< when
+  std::chrono::nanoseconds wall{};  ///< the same moment by the clock that the kernel stamps with
+
+  void prepare() {
+    for (std::size_t i = 0; i < slots.size(); ++i) {
+      Slot& slot = slots[i];
+      slot.where = {.iov_base = &slot.frame, .iov_len = sizeof slot.frame};
+      messages[i] = {};
+      messages[i].msg_hdr.msg_iov = &slot.where;
+      messages[i].msg_hdr.msg_iovlen = 1;
+      messages[i].msg_hdr.msg_control = slot.control.data();
+      messages[i].msg_hdr.msg_controllen = slot.control.size();
+    }
+  }
+};
+
+SocketCan::SocketCan(int socket, std::string interface)
+    : socket_{socket}, interface_{std::move(interface)}, batch_{std::make_unique<Batch>()} {}
 
 Result<std::unique_ptr<SocketCan>> SocketCan::open(const std::string& interface, std::span<const Filter> filters) {
   const int socket = ::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
@@ -100,27 +121,37 @@ Result<> SocketCan::send(const CanFrame& frame) {
 }
 
 Result<std::optional<ReceivedFrame>> SocketCan::receive() {
-  ::can_frame raw{};
-  iovec where{.iov_base = &raw, .iov_len = sizeof raw};
-  alignas(cmsghdr) std::array<char, 256> control{};
-  msghdr message{};
-  message.msg_iov = &where;
-  message.msg_iovlen = 1;
-  message.msg_control = control.data();
-  message.msg_controllen = control.size();
-  const ssize_t size = ::recvmsg(socket_, &message, 0);
-  if (size < 0) {
-    if (errno == EAGAIN || errno == EINTR) return std::optional<ReceivedFrame>{};
-    return last_error(interface_);
+  Batch& batch = *batch_;
+  if (batch.next == batch.count) {
+    const bool was_all = 0 < batch.count && batch.count < frames_at_once;
+    batch.count = batch.next = 0;
+    if (was_all) return std::optional<ReceivedFrame>{};
+    batch.prepare();
+    const int count = ::recvmmsg(socket_, batch.messages.data(), frames_at_once, 0, nullptr);
+    if (count < 0) {
+      if (errno == EAGAIN || errno == EINTR) return std::optional<ReceivedFrame>{};
+      return last_error(interface_);
+    }
+    batch.count = static_cast<std::size_t>(count);
+    timespec wall{};
+    ::clock_gettime(CLOCK_REALTIME, &wall);
+    batch.wall = nanoseconds(wall);
+    batch.taken = Clock::now();
   }
-  if (static_cast<std::size_t>(size) != sizeof raw) return Error{std::errc::bad_message, interface_};
-  ReceivedFrame received{from_kernel(raw), Clock::now()};
-  for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
+  mmsghdr& message = batch.messages[batch.next];
+  const ::can_frame& raw = batch.slots[batch.next].frame;
+  ++batch.next;
+  if (message.msg_len != sizeof raw) return Error{std::errc::bad_message, interface_};
+  ReceivedFrame received{from_kernel(raw), batch.taken};
+  for (cmsghdr* part = CMSG_FIRSTHDR(&message.msg_hdr); part != nullptr; part = CMSG_NXTHDR(&message.msg_hdr, part)) {
     if (part->cmsg_level != SOL_SOCKET) continue;
     if (part->cmsg_type == SO_TIMESTAMPING) {
       std::array<timespec, 3> stamps{};  // scm_timestamping: software, unused, hardware
       std::memcpy(&stamps, CMSG_DATA(part), sizeof stamps);
-      if (stamps[0].tv_sec != 0) received.time = steady_time(stamps[0]);
+      // The wall clock may have been set between the two.
+      const auto age =
+          std::clamp<Duration>(batch.wall - nanoseconds(stamps[0]), Duration::zero(), std::chrono::seconds{1});
+      if (stamps[0].tv_sec != 0) received.time -= age;
     } else if (part->cmsg_type == SO_RXQ_OVFL) {
       std::uint32_t dropped = 0;
       std::memcpy(&dropped, CMSG_DATA(part), sizeof dropped);

@@ -87,6 +87,15 @@ void DriveNode::fail(const std::string& why) {
   failed_ = why;
 }
 
+void DriveNode::fail(const Error& error) { fail(reason(error)); }
+
+/// An error of the master's names the node, and so do we.
+std::string DriveNode::reason(const Error& error) const {
+  std::string text = error.message();
+  const std::string node = title() + ": ";
+  return text.starts_with(node) ? text.substr(node.size()) : text;
+}
+
 /// Trouble first, while it is up: the quick stop goes to it, too. Perhaps it only cannot be heard.
 void DriveNode::lose(const std::string& why) {
   events_.trouble(title() + ": " + why);
@@ -100,7 +109,7 @@ void DriveNode::read(ObjectIndex object, std::function<void(const Result<Bytes>&
         if (attempt == attempt_) done(answer);
       },
       master_.now());
-  if (!begun) fail(begun.error().message());
+  if (!begun) fail(begun.error());
 }
 
 void DriveNode::configure(std::vector<SdoWrite> writes, std::function<void(const Result<>&)> done) {
@@ -110,7 +119,18 @@ void DriveNode::configure(std::vector<SdoWrite> writes, std::function<void(const
         if (attempt == attempt_) done(answer);
       },
       master_.now());
-  if (!begun) fail(begun.error().message());
+  if (!begun) fail(begun.error());
+}
+
+/// A drive whose PDOs cannot be changed does, if they are as they should be.
+void DriveNode::map(const canopen::PdoSettings& settings, std::function<void(const Result<>&)> done) {
+  configure(canopen::pdo_writes(node_, settings), [this, settings, done = std::move(done)](const Result<>& mapped) {
+    if (mapped || mapped.error().code.category() != canopen::sdo_category()) return done(mapped);
+    configure(canopen::fixed_pdo_writes(node_, settings), [done, why = mapped.error()](const Result<>& fixed) {
+      const bool refused = !fixed && fixed.error().code.category() == canopen::sdo_category();
+      done(refused ? Result<>{why} : fixed);  // of both refusals the first says more
+    });
+  });
 }
 
 canopen::PdoSettings DriveNode::transmitted(int number, PdoMapping mapping) const {
@@ -124,16 +144,16 @@ canopen::PdoSettings DriveNode::transmitted(int number, PdoMapping mapping) cons
 void DriveNode::enter(Step step) {
   step_ = step;
   const auto required = [this](Step next) {
-    return [this, next](const Result<>& done) { done ? enter(next) : fail(done.error().message()); };
+    return [this, next](const Result<>& done) { done ? enter(next) : fail(done.error()); };
   };
   const auto optional = [this](std::string& why, Step next) {
     return [this, &why, next](const Result<>& done) {
       // A node that no longer answers is not one that lacks an object.
       if (!done && done.error().code.category() != canopen::sdo_category() &&
           done.error().code != std::errc::io_error) {
-        return fail(done.error().message());
+        return fail(done.error());
       }
-      why = done ? std::string{} : done.error().message();
+      why = done ? std::string{} : reason(done.error());
       enter(next);
     };
   };
@@ -145,16 +165,17 @@ void DriveNode::enter(Step step) {
         if (!type) {
           return fail(type.error().code == std::errc::timed_out
                           ? "does not answer: is it powered, are node id and bit rate right, is the bus terminated?"
-                          : type.error().message());
+                          : reason(type.error()));
         }
         const std::uint64_t profile = canopen::get_le(ByteView{*type}.first(std::min<std::size_t>(2, type->size())));
         if (profile != 402) return fail("is no drive: its device profile (1000:00) is " + std::to_string(profile));
         enter(Step::identity);
       });
     case Step::identity: {
+      if (!settings_.vendor && !settings_.product) return enter(Step::target);
       const auto check = [this, attempt = attempt_](const Result<canopen::Identity>& identity) {
         if (attempt != attempt_) return;
-        if (!identity) return fail(identity.error().message());
+        if (!identity) return fail(identity.error());
         const auto wrong = [&](const char* what, const std::optional<std::uint32_t>& wanted, std::uint32_t found) {
           if (!wanted || *wanted == found) return false;
           fail(std::string{"is another drive: "} + what + " 0x" + canopen::hex(found, 8) + ", expected 0x" +
@@ -163,26 +184,34 @@ void DriveNode::enter(Step step) {
         };
         if (wrong("vendor", settings_.vendor, identity->vendor)) return;
         if (wrong("product", settings_.product, identity->product)) return;
-        enter(Step::rest);
+        enter(Step::target);
       };
-      if (const Result<> begun = master_.identify(node_, check, master_.now()); !begun) fail(begun.error().message());
+      if (const Result<> begun = master_.identify(node_, check, master_.now()); !begun) fail(begun.error());
       return;
     }
+    // Whatever it did before us: no speed, then no voltage, and only then out of operational.
+    case Step::target:
+      return configure({sdo_write<std::int32_t>({0x60FF, 0}, 0)}, [this](const Result<>& done) {
+        // In another mode it may refuse: without voltage it stops all the same, and the settings have it once more.
+        if (!done && done.error().code.category() != canopen::sdo_category()) return fail(done.error());
+        enter(Step::rest);
+      });
     case Step::rest: {
-      // Whatever it did before us: no speed, then no voltage, and only then out of operational.
-      std::vector<SdoWrite> writes{sdo_write<std::int32_t>({0x60FF, 0}, 0),
-                                   sdo_write<std::uint16_t>({0x6040, 0}, canopen::controlword::disable_voltage)};
-      return configure(std::move(writes), [this](const Result<>& done) {
-        if (!done) return fail(done.error().message());
+      SdoWrite no_voltage = sdo_write<std::uint16_t>({0x6040, 0}, canopen::controlword::disable_voltage);
+      no_voltage.verify = false;  // not every drive keeps it
+      return configure({no_voltage}, [this](const Result<>& done) {
+        if (!done) return fail(done.error());
         if (const Result<> sent = master_.command(canopen::NmtCommand::pre_operational, node_, master_.now()); !sent) {
-          return fail(sent.error().message());
+          return fail(sent.error());
         }
         enter(Step::modes);
       });
     }
     case Step::modes:
       return read({0x6502, 0}, [this](const Result<Bytes>& modes) {
-        if (!modes) return fail(modes.error().message());
+        // One that has this mode only need not list it (CiA 402-2, 8.3.4).
+        if (!modes && modes.error().code == canopen::SdoAbort::no_object) return enter(Step::rated_current);
+        if (!modes) return fail(modes.error());
         constexpr std::uint64_t profile_velocity = 4;
         if ((canopen::get_le(*modes) & profile_velocity) == 0) {
           return fail("has no profile velocity mode: 6502:00 is 0x" + canopen::hex(canopen::get_le(*modes), 8));
@@ -208,8 +237,9 @@ void DriveNode::enter(Step step) {
     case Step::mode_display:
       if (settings_.profile == Profile::sevcon) return enter(Step::producer);  // 6061 is something else there
       return read({0x6061, 0}, [this](const Result<Bytes>& mode) {
-        if (mode && canopen::get_le(*mode) != 3) {
-          return fail("stays in mode " + std::to_string(canopen::get_le(*mode)) + " (6061:00) instead of 3");
+        if (mode && !mode->empty() && mode->front() != 3) {
+          return fail("stays in mode " + std::to_string(static_cast<std::int8_t>(mode->front())) +
+                      " (6061:00) instead of 3");
         }
         enter(Step::producer);
       });
@@ -236,7 +266,7 @@ void DriveNode::enter(Step step) {
       if (no_option_.empty()) return enter(Step::deadline);
       return read({0x6007, 0}, [this](const Result<Bytes>& option) {
         // 1 is a fault, 2 no voltage: the drive may know only one of these.
-        const std::uint64_t value = option ? canopen::get_le(*option) : 0;
+        const std::uint64_t value = option && option->size() >= 2 ? canopen::get_le(ByteView{*option}.first(2)) : 0;
         if (1 <= value && value <= 3) no_option_.clear();
         enter(Step::deadline);
       });
@@ -247,14 +277,13 @@ void DriveNode::enter(Step step) {
     case Step::command: {
       judge_guard();
       canopen::PdoSettings settings{.direction = PdoDirection::receive, .number = 1, .mapping = command_map_};
-      return configure(canopen::pdo_writes(node_, settings), required(Step::feedback));
+      return map(settings, required(Step::feedback));
     }
     case Step::feedback:
-      return configure(canopen::pdo_writes(node_, transmitted(1, feedback_map_)), required(Step::position));
+      return map(transmitted(1, feedback_map_), required(Step::position));
     case Step::position:
       if (!settings_.position) return enter(Step::readings);
-      return configure(canopen::pdo_writes(node_, transmitted(2, PdoMapping{{{0x6064, 0}, 32}})),
-                       required(Step::readings));
+      return map(transmitted(2, PdoMapping{{{0x6064, 0}, 32}}), required(Step::readings));
     case Step::readings: {
       if (reading_ == readings_.size()) return enter(Step::starting);
       std::vector<canopen::MappedObject> mapped;
@@ -265,7 +294,7 @@ void DriveNode::enter(Step step) {
                          // Not every drive measures this.
                          reading_maps_.push_back(mapping);
                          if (!done) {
-                           events_.tell(0, title() + ": does not tell all that it measures: " + done.error().message());
+                           events_.tell(0, title() + ": does not tell all that it measures: " + reason(done.error()));
                          }
                          ++reading_;
                          enter(Step::readings);
@@ -274,7 +303,7 @@ void DriveNode::enter(Step step) {
     case Step::starting:
       due_ = master_.now() + patience;
       if (const Result<> sent = master_.command(canopen::NmtCommand::start, node_, master_.now()); !sent) {
-        return fail(sent.error().message());
+        return fail(sent.error());
       }
       return;
     case Step::up:
@@ -315,7 +344,9 @@ void DriveNode::on_feedback(ByteView bytes, Time now) {
   const auto before = std::exchange(state_, state);
   if (!settings_.position) fresh_ = true;
   const bool tested = state_ && state_ != Cia402State::not_ready_to_switch_on;
-  if (step_ == Step::starting && tested && master_.monitor(node_).state() != canopen::NmtState::pre_operational) {
+  // A PDO comes in operational only; without a heartbeat nothing else says that it is.
+  const bool started = !watched_ || master_.monitor(node_).state() != canopen::NmtState::pre_operational;
+  if (step_ == Step::starting && tested && started) {
     enter(Step::up);
   }
   if (step_ != Step::up || before == state_) return;
@@ -415,7 +446,8 @@ std::string DriveNode::describe() const {
   constexpr std::array awaited{"",
                                "an answer to 1000",
                                "its identity, 1018",
-                               "standstill, 60FF and 6040",
+                               "standstill, 60FF",
+                               "standstill, 6040",
                                "its modes, 6502",
                                "6075",
                                "its settings",

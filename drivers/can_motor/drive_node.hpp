@@ -63,6 +63,7 @@ class DriveNode {
     resting,  ///< until it is tried again
     device_type,
     identity,
+    target,
     rest,
     modes,
     rated_current,
@@ -84,9 +85,12 @@ class DriveNode {
   void begin(Time now);
   void enter(Step step);
   void fail(const std::string& why);
+  void fail(const Error& error);
+  [[nodiscard]] std::string reason(const Error& error) const;
   void lose(const std::string& why);
   void read(canopen::ObjectIndex object, std::function<void(const Result<canopen::Bytes>&)> done);
   void configure(std::vector<canopen::SdoWrite> writes, std::function<void(const Result<>&)> done);
+  void map(const canopen::PdoSettings& settings, std::function<void(const Result<>&)> done);
   void subscribe();
   void judge_guard();
   [[nodiscard]] canopen::PdoSettings transmitted(int number, canopen::PdoMapping mapping) const;

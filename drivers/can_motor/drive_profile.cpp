@@ -72,12 +72,21 @@ std::vector<canopen::SdoWrite> settings_writes(const DriveSettings& settings, ca
     writes.push_back(sdo_write<std::uint32_t>({0x1014, 0}, 0x80U + node));
   }
   writes.push_back(sdo_write<std::uint8_t>({0x6060, 0}, 3));  // profile velocity
+  // Many drives lack one of these; what is commanded is limited here as well.
+  const auto add_optional = [&](canopen::SdoWrite write) {
+    write.optional = true;
+    writes.push_back(std::move(write));
+  };
   writes.push_back(sdo_write<std::uint16_t>({0x6072, 0}, settings.max_torque_permille));
-  if (settings.max_speed > 0) writes.push_back(sdo_write<std::uint32_t>({0x6080, 0}, settings.max_speed));
+  writes.back().optional = settings.max_torque_permille == 1000;  // that is all it has
+  if (settings.max_speed > 0) add_optional(sdo_write<std::uint32_t>({0x6080, 0}, settings.max_speed));
   if (settings.accel) writes.push_back(sdo_write<std::uint32_t>({0x6083, 0}, *settings.accel));
   if (settings.decel) writes.push_back(sdo_write<std::uint32_t>({0x6084, 0}, *settings.decel));
   if (settings.quick_stop) writes.push_back(sdo_write<std::uint32_t>({0x6085, 0}, *settings.quick_stop));
-  if (settings.profile == Profile::cia402) writes.push_back(sdo_write<std::int16_t>({0x605A, 0}, 2));
+  // 2, the ramp of a quick stop and then no voltage, is also what a drive without 605A does (CiA 402-2, 8.6.3).
+  if (settings.profile == Profile::cia402) add_optional(sdo_write<std::int16_t>({0x605A, 0}, 2));
+  // A target that another mode refused, or that another master left behind.
+  writes.push_back(sdo_write<std::int32_t>({0x60FF, 0}, 0));
   for (canopen::SdoWrite& write : writes) write.only_if_different = true;
   return writes;
 }

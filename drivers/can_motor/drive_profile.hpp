@@ -54,7 +54,7 @@ struct DriveSettings {
 [[nodiscard]] canopen::PdoMapping feedback_map(Profile profile);
 /// What else it may transmit, a list for each PDO. `rated_a`: of object 6075.
 [[nodiscard]] std::vector<std::vector<Reading>> readings(Profile profile, double rated_a);
-/// Ramps, limits and mode, before a drive is started.
+/// Ramps, limits, mode and target 0, before a drive is started.
 [[nodiscard]] std::vector<canopen::SdoWrite> settings_writes(const DriveSettings& settings, canopen::NodeId node);
 
 }  // namespace regista::can_motor

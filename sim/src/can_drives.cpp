@@ -94,6 +94,7 @@ ObjectDictionary dictionary_of(NodeId node, const CanDriveParameters& p) {
       for (std::uint8_t sub = 0; sub <= 8; ++sub) add(d, {{mapping, sub}, sub == 0 ? unsigned8 : unsigned32, 0});
     }
   }
+  if (p.change) p.change(d);
   return d;
 }
 

@@ -222,6 +222,92 @@ TEST_F(MasterAndDrives, find_what_does_not_read_back) {
   EXPECT_NE(result->error().what.find("2010:00 was written and reads back differently"), std::string::npos);
 }
 
+/// A node of which only the answers to SDO requests are known, a frame each.
+struct Answers final : Station {
+  Answers(Bench& bench, std::function<std::optional<CanFrame>(const CanFrame&)> answer)
+      : port{bench.bus.attach()}, answer_{std::move(answer)} {
+    bench.join(port, *this);
+  }
+  void on_frame(const CanFrame& frame, Time /*now*/) override {
+    if (frame.id != 0x607) return;
+    requests.push_back(frame);
+    const auto answer = answer_(frame);
+    ASSERT_TRUE(!answer || port.send(*answer));
+  }
+  void on_time(Time /*now*/) override {}
+  [[nodiscard]] Time next_wake() const override { return Time::max(); }
+  VirtualBus::Port& port;
+  std::vector<CanFrame> requests;
+
+ private:
+  std::function<std::optional<CanFrame>(const CanFrame&)> answer_;
+};
+
+CanFrame abort_of(const CanFrame& request, SdoAbort code) {
+  CanFrame frame = make_frame(0x587, {0x80, request.data[1], request.data[2], request.data[3], 0, 0, 0, 0});
+  std::ranges::copy(le_bytes(static_cast<std::uint32_t>(code), 4), frame.data.begin() + 4);
+  return frame;
+}
+
+TEST_F(OneMaster, configures_a_node_that_never_says_how_many_bytes_it_sends) {
+  Answers node{
+      bench, [](const CanFrame& request) {
+        const bool writes = request.data[0] >> 5 == 1;
+        // Beyond the two bytes of the object stands whatever the last answer left there.
+        return std::optional{make_frame(0x587, {static_cast<std::uint8_t>(writes ? 0x60 : 0x42), request.data[1],
+                                                request.data[2], request.data[3], 0x64, 0, 0xAA, 0x55})};
+      }};
+  EXPECT_TRUE(configure(7, heartbeat_writes(127, 100ms, 0ms)));
+  EXPECT_EQ(node.requests.size(), 2U) << "written and read back";
+  EXPECT_FALSE(configure(7, heartbeat_writes(127, 101ms, 0ms))) << "which reads back differently";
+}
+
+TEST_F(OneMaster, writes_what_it_cannot_compare_and_leaves_out_what_may_be_missing) {
+  Answers node{
+      bench, [](const CanFrame& request) {
+        const ObjectIndex object{static_cast<std::uint16_t>(request.data[1] | request.data[2] << 8), 0};
+        if (object.index == 0x6080) return std::optional{abort_of(request, SdoAbort::no_object)};
+        if (request.data[0] >> 5 == 2) return std::optional{abort_of(request, SdoAbort::write_only)};
+        return std::optional{make_frame(0x587, {0x60, request.data[1], request.data[2], request.data[3], 0, 0, 0, 0})};
+      }};
+  std::vector<SdoWrite> writes{sdo_write<std::uint16_t>({0x6040, 0}, 6), sdo_write<std::uint32_t>({0x6080, 0}, 3000)};
+  writes[0].only_if_different = true;
+  writes[1].optional = true;
+  const auto done = configure(7, writes);
+  EXPECT_TRUE(done) << done.error().message();
+  const auto wrote = [](const CanFrame& request) { return request.data[0] >> 5 == 1; };
+  EXPECT_EQ(std::ranges::count_if(node.requests, wrote), 2);
+  writes[1].optional = false;
+  EXPECT_EQ(configure(7, writes).error().code, SdoAbort::no_object);
+}
+
+TEST_F(OneMaster, identifies_a_node_that_tells_its_vendor_only) {
+  Answers node{bench, [](const CanFrame& request) {
+                 if (request.data[3] != 1) return std::optional{abort_of(request, SdoAbort::no_subindex)};
+                 return std::optional{make_frame(0x587, {0x43, 0x18, 0x10, 1, 0x1E, 0, 0, 0})};
+               }};
+  std::optional<Result<Identity>> identity;
+  ASSERT_TRUE(master.identify(7, [&](Result<Identity> r) { identity = std::move(r); }, bench.now));
+  ASSERT_TRUE(bench.run_until([&] { return identity.has_value(); }));
+  ASSERT_TRUE(*identity);
+  EXPECT_EQ(**identity, (Identity{.vendor = 0x1E}));
+}
+
+TEST_F(MasterAndDrives, uses_fixed_pdos_that_are_as_they_should_be) {
+  ASSERT_TRUE(configure(5, pdo_writes(5, feedback)));
+  left.written.clear();
+  ASSERT_TRUE(configure(5, fixed_pdo_writes(5, feedback)));
+  EXPECT_TRUE(left.written.empty()) << "nothing differs";
+  PdoSettings faster = feedback;
+  faster.event_timer_ms = 10;
+  ASSERT_TRUE(configure(5, fixed_pdo_writes(5, faster)));
+  ASSERT_EQ(left.written.size(), 1U);
+  EXPECT_EQ(left.written[0].first, (ObjectIndex{0x1800, 5}));
+  PdoSettings other = feedback;
+  other.mapping = {{{0x606C, 0}, 32}};
+  EXPECT_FALSE(configure(5, fixed_pdo_writes(5, other)));
+}
+
 TEST_F(MasterAndDrives, write_only_what_differs_when_asked) {
   ASSERT_TRUE(configure(5, {{{0x6083, 0}, {0x88, 0x13, 0, 0}, true}, {{0x6084, 0}, {1, 0, 0, 0}, true}}));
   ASSERT_EQ(left.written.size(), 1U) << "5000 was there already";

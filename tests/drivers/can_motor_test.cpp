@@ -4,6 +4,8 @@
 #include <malloc.h>
 
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <numbers>
 
 #include "bench.hpp"
@@ -72,6 +74,29 @@ TEST(CanMotor, brings_drives_up_but_enables_them_only_on_request) {
   EXPECT_EQ(bench.state(1), Cia402State::operation_enabled);
   EXPECT_EQ(bench.rpm(0), 0) << "what was commanded before is forgotten";
   EXPECT_EQ(bench.latest<actarray::State>().motors_on, 1);
+}
+
+TEST(CanMotor, power_that_is_asked_for_while_drives_come_up_is_answered_when_they_are_enabled) {
+  Drives bench;
+  bench.run(20ms);
+  EXPECT_EQ(bench.events(), "");
+  ASSERT_TRUE(bench.power_up());
+  EXPECT_EQ(bench.state(0), Cia402State::operation_enabled);
+  EXPECT_EQ(bench.state(1), Cia402State::operation_enabled);
+  EXPECT_EQ(bench.rpm(0), 0);
+}
+
+TEST(CanMotor, power_that_was_refused_for_a_missing_drive_is_not_switched_on_when_it_comes) {
+  Drives bench;
+  bench.drives->port_of(1).connect(false);
+  bench.run(20ms);
+  const auto refused = bench.power_up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what.substr(0, 7), "node 6:");
+  bench.drives->port_of(1).connect(true);
+  bench.run(3s);
+  EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
+  EXPECT_EQ(bench.state(1), Cia402State::switch_on_disabled);
 }
 
 TEST(CanMotor, turns_each_wheel_at_its_own_speed_and_tells_how_far) {
@@ -236,7 +261,7 @@ TEST(CanMotor, refuses_to_enable_a_drive_that_would_go_on_without_us) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().what,
             "node 5 would go on driving when this server dies: 6007 says that it does nothing then, and cannot be set "
-            "(node 5: write 6007:00: SDO abort 0x06020000: no such object in the dictionary)");
+            "(write 6007:00: SDO abort 0x06020000: no such object in the dictionary)");
   EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
 }
 
@@ -244,6 +269,220 @@ TEST(CanMotor, refuses_another_makers_drive) {
   Drives bench{"vendor \"0x1E\""};
   ASSERT_FALSE(bench.up());
   EXPECT_NE(bench.events().find("node 5: is another drive: vendor 0x52454741, expected 0x0000001E"), std::string::npos);
+}
+
+TEST(CanMotor, refuses_another_product_of_the_maker) {
+  Drives bench{"vendor \"0x52454741\" product \"0x403\""};
+  const auto refused = bench.up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what, "node 5: is another drive: product 0x00000402, expected 0x00000403");
+  EXPECT_NE(bench.events().find("node 6: is another drive: product 0x00000402, expected 0x00000403"),
+            std::string::npos);
+}
+
+using canopen::ObjectDictionary;
+using canopen::ObjectIndex;
+
+sim::CanDriveParameters changed(std::function<void(ObjectDictionary&)> change) {
+  sim::CanDriveParameters parameters;
+  parameters.change = std::move(change);
+  return parameters;
+}
+
+/// A drive without some objects, all of their sub-indices.
+sim::CanDriveParameters lacking(std::initializer_list<std::uint16_t> indices) {
+  return changed([indices = std::vector(indices)](ObjectDictionary& dictionary) {
+    std::erase_if(dictionary.objects,
+                  [&](const auto& object) { return std::ranges::find(indices, object.first.index) != indices.end(); });
+  });
+}
+
+// What is optional in CiA 301 and 402, and missing in one drive or another.
+TEST(CanMotor, brings_up_drives_that_lack_what_they_need_not_have) {
+  for (const auto& parameters :
+       {lacking({0x1017}), lacking({0x6502}), lacking({0x6061}), lacking({0x6072, 0x6080, 0x605A}),
+        lacking({0x6075, 0x6077, 0x6078, 0x6079}), lacking({0x1016}), lacking({0x1001, 0x1014}),
+        changed([](ObjectDictionary& dictionary) {
+          for (std::uint16_t index = 0x1800; index < 0x1804; ++index) dictionary.objects.erase({index, 3});
+          for (std::uint8_t sub = 2; sub <= 4; ++sub) dictionary.objects.erase({0x1018, sub});
+        })}) {
+    Drives bench{"", parameters};
+    const auto up = bench.up();
+    ASSERT_TRUE(up) << up.error().message();
+    bench.turn(5, 5, 1s);
+    EXPECT_GT(bench.rpm(0), 900);
+    bench.drives->port().connect(false);
+    bench.run(300ms);
+    EXPECT_NE(bench.state(0), Cia402State::operation_enabled);
+  }
+}
+
+TEST(CanMotor, insists_on_the_limit_of_torque_that_was_asked_for) {
+  Drives bench{"torque 30", lacking({0x6072})};
+  const auto refused = bench.up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what, "node 5: read 6072:00: SDO abort 0x06020000: no such object in the dictionary");
+}
+
+TEST(CanMotor, refuses_drives_that_nothing_stops_without_us) {
+  const auto refusal = [](const sim::CanDriveParameters& parameters) -> std::string {
+    const auto up = Drives{"", parameters}.up();
+    return up ? "none" : up.error().what;
+  };
+  EXPECT_NE(refusal(lacking({0x6007})).find("6007 says that it does nothing then, and cannot be set"),
+            std::string::npos);
+  const std::string neither = refusal(changed([](ObjectDictionary& dictionary) {
+    std::erase_if(dictionary.objects, [](const auto& object) { return object.first.index == 0x1016; });
+    dictionary.objects.erase({0x1400, 5});
+  }));
+  EXPECT_EQ(neither,
+            "node 5 would go on driving when this server dies: it takes neither 1016 (read 1016:01: SDO abort "
+            "0x06020000: no such object in the dictionary) nor 1400:05 (write 1400:05: SDO abort 0x06090011: no "
+            "such sub-index)");
+}
+
+TEST(CanMotor, refuses_a_drive_without_profile_velocity) {
+  Drives bench{"", changed([](ObjectDictionary& dictionary) {
+                 dictionary.objects.at({0x6502, 0}).value = {0x01, 0, 0, 0};  // profile position
+               })};
+  const auto refused = bench.up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what, "node 5: has no profile velocity mode: 6502:00 is 0x00000001");
+}
+
+void fix_pdo(ObjectDictionary& dictionary, std::uint16_t communication, std::uint32_t cob_id,
+             std::initializer_list<std::uint32_t> mapping) {
+  const auto fix = [&](ObjectIndex object, std::uint64_t value) {
+    canopen::ObjectEntry& entry = dictionary.objects.at(object);
+    entry.value = canopen::le_bytes(value, entry.value.size());
+    entry.access = canopen::Access::constant;
+  };
+  dictionary.objects.at({communication, 1}).value = canopen::le_bytes(cob_id, 4);
+  const auto index = static_cast<std::uint16_t>(communication + 0x200);
+  fix({index, 0}, mapping.size());
+  std::uint8_t sub = 0;
+  for (const std::uint32_t code : mapping) fix({index, ++sub}, code);
+}
+
+TEST(CanMotor, uses_fixed_pdos_that_are_as_they_should_be) {
+  Drives bench{"", changed([](ObjectDictionary& dictionary) {
+                 fix_pdo(dictionary, 0x1400, 0x205, {0x60400010, 0x60FF0020});
+                 fix_pdo(dictionary, 0x1800, 0x185, {0x60410010, 0x606C0020});
+               })};
+  bench.run(1s);
+  EXPECT_NE(bench.events().find("node 5: up, switch on disabled"), std::string::npos);
+}
+
+TEST(CanMotor, says_which_fixed_pdo_is_not_as_it_should_be) {
+  Drives bench{
+      "", changed([](ObjectDictionary& dictionary) { fix_pdo(dictionary, 0x1400, 0x205, {0x60400010, 0x60710010}); })};
+  const auto refused = bench.up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what, "node 5: write 1600:00: SDO abort 0x06010002: the object is read-only");
+}
+
+// ros_canopen#111: a target that was left behind in the drive made it jump when it was enabled.
+// ros2_canopen#204, #225: a drive that is up already sends no boot-up message.
+TEST(CanMotor, takes_a_drive_over_that_is_up_and_has_a_target) {
+  Drives bench{"", changed([](ObjectDictionary& dictionary) {
+                 dictionary.objects.at({0x60FF, 0}).value = canopen::le_bytes(500, 4);
+               })};
+  bool boots = false;
+  bench.drives->bus().lose = [&](const canopen::CanFrame& frame) {
+    const bool is_boot_up = (frame.id & 0x780U) == 0x700 && frame.bytes()[0] == 0;
+    boots = boots || is_boot_up;
+    return is_boot_up;
+  };
+  const auto up = bench.up();
+  ASSERT_TRUE(up) << up.error().message();
+  EXPECT_TRUE(boots);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(bench.rpm(i), 0);
+    EXPECT_EQ(bench.drives->drive(i).slave().get({0x60FF, 0}), 0U);
+  }
+}
+
+/// The whole driver with a DCF beside its .cfg, or what was wrong with it.
+struct WithDcf {
+  explicit WithDcf(const std::string& objects, const std::string& name = "drive.dcf") {
+    std::ofstream{folder / "drive.dcf"} << "[FileInfo]\nFileName=drive.dcf\n[DeviceInfo]\nVendorName=regista\n"
+                                        << "[MandatoryObjects]\nSupportedObjects=0\n"
+                                        << objects;
+    keys = "dcf [\"" + (folder / name).string() + "\"]";
+  }
+  ~WithDcf() { std::filesystem::remove_all(folder); }
+  WithDcf(const WithDcf&) = delete;
+  WithDcf& operator=(const WithDcf&) = delete;
+
+  std::filesystem::path folder = [] {
+    std::string name = (std::filesystem::temp_directory_path() / "dcf.XXXXXX").string();
+    return std::filesystem::path{::mkdtemp(name.data())};
+  }();
+  std::string keys;
+};
+
+constexpr const char* two_objects =
+    "[OptionalObjects]\nSupportedObjects=2\n1=0x6083\n2=0x6084\n"
+    "[6083]\nParameterName=acceleration\nDataType=0x0007\nAccessType=rw\nParameterValue=4321\n"
+    "[6084]\nParameterName=deceleration\nDataType=0x0007\nAccessType=rw\nParameterValue=8000\n";
+
+TEST(CanMotor, writes_of_a_dcf_what_differs_and_reads_it_back) {
+  const WithDcf dcf{two_objects};
+  // 'wheel_accel' of the other keys would win over the DCF: settings come after it.
+  std::string without_ramps = "provides [\"actarray:0\"] bus \"simulated\" nodes [5] gear 20 wheel_speed 1200 ";
+  sim::CanDrives* drives = nullptr;
+  std::vector<std::uint16_t> written;
+  int read_back = 0;
+  Bench bench{without_ramps + dcf.keys, [&](regista::Setup& setup) -> std::unique_ptr<Driver> {
+                auto link = std::make_unique<can_motor::SimulatedBusLink>(
+                    std::span{nodes}.first(1), changed([](ObjectDictionary& dictionary) {
+                      dictionary.objects.at({0x6084, 0}).value = canopen::le_bytes(8000, 4);
+                    }),
+                    500'000);
+                drives = &link->drives();
+                return std::make_unique<CanMotor>(setup, std::move(link));
+              }};
+  drives->bus().lose = [&](const canopen::CanFrame& frame) {
+    if (frame.id != 0x605) return false;
+    const auto index = static_cast<std::uint16_t>(frame.data[1] | frame.data[2] << 8);
+    if (frame.data[0] >> 5 == 1) written.push_back(index);
+    if (frame.data[0] >> 5 == 2 && index == 0x6083) ++read_back;
+    return false;
+  };
+  bench.run(1s);
+  EXPECT_NE(bench.events().find("node 5: up"), std::string::npos);
+  EXPECT_EQ(drives->drive(0).slave().get({0x6083, 0}), 4321U);
+  EXPECT_EQ(std::ranges::count(written, 0x6083), 1);
+  EXPECT_EQ(std::ranges::count(written, 0x6084), 0) << "it had 8000 already";
+  EXPECT_EQ(read_back, 2) << "compared, and verified";
+}
+
+TEST(CanMotor, says_which_object_of_a_dcf_a_drive_refuses) {
+  const WithDcf dcf{two_objects};
+  Drives bench{dcf.keys, changed([](ObjectDictionary& dictionary) { dictionary.objects.at({0x6084, 0}).high = 5000; })};
+  const auto refused = bench.up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what, "node 5: write 6084:00: SDO abort 0x06090031: value too high");
+  EXPECT_NE(bench.events().find("actarray:0: node 6: write 6084:00: SDO abort 0x06090031: value too high"),
+            std::string::npos);
+  EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
+}
+
+TEST(CanMotor, says_what_is_wrong_with_a_dcf_before_anything_starts) {
+  const auto complaint = [](const std::string& objects, const std::string& name) -> std::string {
+    const WithDcf dcf{objects, name};
+    try {
+      Drives bench{dcf.keys};
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "none";
+  };
+  EXPECT_NE(complaint("", "other.dcf").find("'dcf' cannot be used: "), std::string::npos);
+  EXPECT_NE(
+      complaint("[OptionalObjects]\nSupportedObjects=1\n1=0x6083\n[6083]\nParameterName=a\nDataType=foo\n", "drive.dcf")
+          .find("drive.dcf:12: 'foo' is no number"),
+      std::string::npos);
 }
 
 TEST(CanMotor, a_gen4_that_charges_its_battery_tells_a_negative_current) {

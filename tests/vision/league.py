@@ -21,7 +21,7 @@ DATA = ROOT / "tests/data"
 
 YELLOW, BLUE = 6, 7  # field numbers in SSL_DetectionFrame
 VISION_GROUP, REFEREE_GROUP = "224.5.23.2", "224.5.23.1"
-COMMAND, REQUEST, ACK, NACK = 2, 3, 4, 6
+DATA_KIND, COMMAND, REQUEST, ACK, NACK = 1, 2, 3, 4, 6
 
 
 # ---- Protocol buffers: tag = number << 3 | type, little-endian
@@ -161,6 +161,7 @@ class Robots:
             self.listeners.append(listener)
         self.ports = [listener.getsockname()[1] for listener in self.listeners]
         self.peers = {}
+        self.peer_of = {}
         self.running = True
         self.thread = threading.Thread(target=self.run)
         self.thread.start()
@@ -186,6 +187,7 @@ class Robots:
         peer, _ = listener.accept()
         peer.sendall(b"Player v.3.1.0".ljust(32, b"\0"))
         self.peers[peer] = b""
+        self.peer_of[peer] = number
         self.selector.register(peer, selectors.EVENT_READ, (self.read, number))
 
     def read(self, peer, number):
@@ -199,7 +201,7 @@ class Robots:
             more = b""
         if not more:
             self.selector.unregister(peer)
-            del self.peers[peer]
+            del self.peers[peer], self.peer_of[peer]
             peer.close()
             return
         data = self.peers[peer] + more
@@ -218,6 +220,14 @@ class Robots:
                 header = (0, robot, interface, index, ACK if known else NACK, subtype, 0, sequence, len(answer))
                 peer.sendall(struct.pack(">6IdII", *header) + answer)
         self.peers[peer] = data
+
+    def tell_turn(self, number, rate):
+        """As the robot's odometry: position2d:0 turns at `rate` [rad/s] now."""
+        body = struct.pack(">6dI", 0, 0, 0, 0, 0, rate, 0)
+        header = struct.pack(">6IdII", 0, 0, 4, 0, DATA_KIND, 1, time.time(), 0, len(body))
+        for peer, of in list(self.peer_of.items()):
+            if of == number:
+                peer.sendall(header + body)
 
     def command(self, number, interface, index, subtype, body, now):
         assert (interface, subtype) == (4, 1), "only velocity commands of position2d"

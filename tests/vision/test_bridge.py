@@ -3,9 +3,11 @@
 
 import contextlib
 import itertools
+import math
 import subprocess
 import sys
 import time
+from random import Random
 
 import pytest
 from league import (
@@ -90,6 +92,56 @@ def test_recorded_vision_reaches_every_robot(tmp_path):
     assert status["undecodable"] == 0
     assert 'regista_vision_cameras_rate_hz{id="0"}' in prometheus
     assert 'regista_vision_robots_latency_us_p99{id="yellow 3"}' in prometheus
+
+
+def turn_about(bridge, robots, count, seconds, hidden, rate=3.0):
+    """Robots that turn to and fro, at 0.8 Hz and `rate` [rad/s] at most, and tell so; a camera with the noise of a real
+    one, 8 ms of work for a frame, and `hidden` [s] that it does not tell."""
+    random = Random(1)
+    beat_w = 2 * math.pi * 0.8
+    begin = time.monotonic()
+    for beat in pace(begin, 1 / 75):
+        t = time.monotonic()
+        if t - begin > seconds:
+            return
+        for robot in range(count):
+            robots.tell_turn(robot, rate * math.cos(beat_w * t + robot))
+        seen = [
+            (
+                YELLOW,
+                robot,
+                robot + random.gauss(0, 0.002),
+                0,
+                rate / beat_w * math.sin(beat_w * (t - 0.008 - hidden) + robot) + random.gauss(0, 0.01),
+            )
+            for robot in range(count)
+            if random.random() > 0.02
+        ]
+        bridge.vision.send(detection(0, beat, t - 0.008, seen, t_sent=t))
+
+
+def test_the_delay_that_no_timestamp_shows_is_learnt(tmp_path):
+    hidden, count = 0.033, 4
+    with Robots(count) as robots:
+        addresses = [("yellow", robot, port) for robot, port in enumerate(robots.ports)]
+        with Bridge(tmp_path, addresses) as bridge:
+            bridge.connected()
+            turn_about(bridge, robots, count, 2, hidden, rate=0.0)
+            assert bridge.status()["delay"] == {"ms": 0, "told": False, "learnt": False}, "nothing moves, nothing shows"
+            turn_about(bridge, robots, count, 6, hidden)
+            learnt = wait_for(lambda: (status := bridge.status()["delay"])["learnt"] and status)
+            assert "vision takes " in bridge.log()
+            assert "regista_vision_delay_ms" in bridge.get("/metrics")
+            robots.poses[0].clear()
+            turn_about(bridge, robots, count, 0.5, hidden)
+            ages = sorted(pose[4] for pose in robots.poses[0])
+        print(f"{1e3 * hidden} ms that no timestamp shows:", learnt)
+        assert abs(learnt["ms"] - 1e3 * hidden) < 3
+        assert 0.037 < ages[len(ages) // 2] < 0.045 + NOISE
+        with Bridge(tmp_path, addresses, keys="delay 0.005") as bridge:
+            bridge.connected()
+            turn_about(bridge, robots, count, 3, hidden)
+            assert bridge.status()["delay"] == {"ms": 5, "told": True}
 
 
 def test_robots_are_told_through_a_real_server(tmp_path):

@@ -72,9 +72,10 @@ class Master final : public Station {
                   SdoTransfer transfer = SdoTransfer::standard);
   Result<> download(NodeId node, ObjectIndex object, Bytes data, SdoDone done, Time now,
                     SdoTransfer transfer = SdoTransfer::standard);
-  /// Writes all in order and then reads back what asks for it; stops at the first error. One such a node at a time.
+  /// Writes all in order and then reads back what asks for it and can be read; stops at the first error. One such a
+  /// node at a time.
   Result<> configure(NodeId node, std::vector<SdoWrite> writes, std::function<void(Result<>)> done, Time now);
-  /// Objects 1018:01 to 04; the last two may be missing and are then 0.
+  /// Objects 1018:01 to 04; all but the first may be missing and are then 0.
   Result<> identify(NodeId node, std::function<void(Result<Identity>)> done, Time now);
 
   // --- PDO -------------------------------------------------------------------------------------------------------

@@ -81,6 +81,7 @@ struct SdoWrite {
   Bytes value;
   bool only_if_different = false;  ///< read first: for what wears out memory or needs another state to be written
   bool verify = true;              ///< read back when all is written
+  bool optional = false;           ///< left out when the node has no such object
 };
 
 template <typename T>
@@ -91,6 +92,9 @@ SdoWrite sdo_write(ObjectIndex object, T value) {
 /// The writes that set a PDO up, in the order that CiA 301 asks for (7.5.2.36): switch off, parameters, mapping to
 /// zero, map, number of objects, switch on.
 std::vector<SdoWrite> pdo_writes(NodeId node, const PdoSettings& settings);
+/// For a node that does not let its PDOs be set up so: what differs is written as it stands. When the node's mapping is
+/// the wanted one, none of it is.
+std::vector<SdoWrite> fixed_pdo_writes(NodeId node, const PdoSettings& settings);
 /// The one write that switches a PDO off.
 SdoWrite pdo_off(NodeId node, PdoDirection direction, int number);
 

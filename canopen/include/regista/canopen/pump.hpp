@@ -18,13 +18,14 @@ class Pump {
   [[nodiscard]] int descriptor() const { return epoll_; }
   /// Takes some of the frames that wait, does what is due. Also after calls that start something outside of run().
   Result<> run(Time now);
-  /// Blocks until something is to be done, at most until `until`, then does it.
-  Result<> wait(Time until);
+  /// Blocks until something is to be done, at most so long, then does it.
+  Result<> wait(Duration longest);
 
  private:
   CanBus& bus_;
   Station& station_;
   int timer_ = -1;
+  Time armed_ = Time::min();  ///< when the timer fires; it may be due before what is
   int epoll_ = -1;
 };
 

@@ -9,7 +9,7 @@ namespace regista::canopen {
 /// How a transfer goes over the bus.
 enum class SdoTransfer : std::uint8_t {
   standard,  ///< expedited up to 4 bytes, else in segments of 7, each acknowledged
-  block,     ///< up to 127 segments in a row, with CRC; not every node has it (abort 0x05040001)
+  block,     ///< up to 127 segments in a row, with CRC; as `standard` where the node has no blocks
 };
 
 /// Called once when a transfer is over: what was read (nothing after a write), the node's abort code, or `timed_out`.
@@ -73,9 +73,13 @@ class SdoClient {
   void abort(SdoAbort code, Time now);
   void give_up(SdoAbort code, Error why, Time now);
   [[nodiscard]] bool initiating() const;
+  [[nodiscard]] bool initiating_block() const;
+  [[nodiscard]] bool expedited() const;
   [[nodiscard]] Error error(std::error_code code, const std::string& more = {}) const;
   [[nodiscard]] CanFrame frame(std::uint8_t command, std::uint32_t rest = 0) const;
 
+  [[nodiscard]] CanFrame standard_request() const;
+  void start_standard(Time now);
   void on_download_answer(const CanFrame& frame, Time now);
   void send_segment(Time now);
   void on_upload_initiate(const CanFrame& frame, Time now);

@@ -11,6 +11,8 @@ class SdoObjects {
   virtual ~SdoObjects() = default;
   virtual Result<Bytes> read_object(ObjectIndex object) = 0;
   virtual Result<> write_object(ObjectIndex object, ByteView data) = 0;
+  /// [bytes] of an object of at most four, for a write that does not say how many it has; else 4.
+  [[nodiscard]] virtual std::size_t short_size(ObjectIndex object) const = 0;
 };
 
 /// The server's end of an SDO channel: expedited, segmented and block, both ways (CiA 301, 7.2.4). For simulated

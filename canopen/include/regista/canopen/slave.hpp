@@ -68,6 +68,7 @@ class Slave final : public Station, SdoObjects {
 
   Result<Bytes> read_object(ObjectIndex object) override;
   Result<> write_object(ObjectIndex object, ByteView data) override;
+  [[nodiscard]] std::size_t short_size(ObjectIndex object) const override;
   std::optional<SdoAbort> check_mapping(ObjectIndex object, ByteView data) const;
   std::optional<SdoAbort> change(ObjectIndex object, ByteView data);
 

@@ -30,10 +30,12 @@ class SocketCan final : public CanBus {
   [[nodiscard]] std::uint64_t lost() const { return lost_; }
 
  private:
-  SocketCan(int socket, std::string interface) : socket_{socket}, interface_{std::move(interface)} {}
+  struct Batch;
+  SocketCan(int socket, std::string interface);
   int socket_;
   std::string interface_;
   std::uint64_t lost_ = 0;
+  std::unique_ptr<Batch> batch_;  ///< what one system call took
 };
 
 }  // namespace regista::canopen

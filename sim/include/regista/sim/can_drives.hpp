@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <optional>
 #include <regista/canopen/slave.hpp>
 #include <regista/canopen/virtual_bus.hpp>
@@ -18,6 +19,8 @@ struct CanDriveParameters {
   std::int32_t increments = 4096;     ///< of 6064 in a turn of the motor
   double volts = 48;                  ///< of the supply
   double rpm_per_unit = 1;            ///< of its speeds and ramps: 60FF, 606C, 6080, 6083 to 6085
+  /// Makes another drive of it: objects that it lacks, or does not let be written.
+  std::function<void(canopen::ObjectDictionary&)> change = {};
 };
 
 /// A CiA 402 drive in profile velocity mode as a node on a bus: canopen::Slave with a Cia402Drive behind its objects.
