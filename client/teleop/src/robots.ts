@@ -242,10 +242,10 @@ export class World {
 
   /** A robot's label, without the host where all have the same. */
   short(robot: Robot): string {
-    const host = robot.label.replace(/:\d+$/, "");
-    const alone = this.robots.size < 2 || host === robot.label;
-    const same = [...this.robots.values()].every((other) => other.label.replace(/:\d+$/, "") === host);
-    return !alone && same ? robot.label.slice(host.length + 1) : robot.label;
+    const split = (label: string) => /^(\[.*\]|[^:]*):(\d+)$/.exec(label); // HOST:PORT, [IPv6]:PORT
+    const [, host, port] = split(robot.label) ?? [];
+    const same = [...this.robots.values()].every((other) => split(other.label)?.[1] === host);
+    return this.robots.size > 1 && port && same ? port : robot.label;
   }
 
   note(label: string, severity: number, text: string): void {

@@ -252,6 +252,7 @@ class Steered:
         self._length = min((last - first) * 1e-9, cut.end if cut.end is not None else float("inf"))
         self._rate = cut.rate
         self._orders = b""
+        self._next: tuple[float, Record] | None
         self._go_to(cut.start)
 
     def __iter__(self) -> Iterator[Record]:

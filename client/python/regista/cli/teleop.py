@@ -59,7 +59,20 @@ def teleop(
         import uvloop
     except ModuleNotFoundError:
         common.fail(common.FAILED, "teleop wants packages that are not installed: pip install 'regista[teleop]'")
-    addresses = [(text, *common.parse_robot(text)) for text in robots or [f"localhost:{common.PORT}"]]
+    from ..teleop import PAGE
+
+    if not (PAGE / "index.html").is_file():
+        common.fail(
+            common.FAILED,
+            "this package was built without its page: apt install nodejs npm, and install it again without "
+            "REGISTA_PAGE=OFF (docs/teleop.md)",
+        )
+    addresses = [(text, *common.parse_robot(text, "robot")) for text in robots or [f"localhost:{common.PORT}"]]
+    for i, (text, *address) in enumerate(addresses):
+        if address in [list(other[1:]) for other in addresses[:i]]:
+            common.fail(common.USAGE, f"robot {text!r} is named twice")
+    if vision is not None:
+        common.parse_robot(vision, "--vision")
     live = None if foxglove is None else _open_foxglove(foxglove)
     uvloop.run(_serve(addresses, port, browser, vision, folder, live))
 

@@ -118,8 +118,7 @@ class Gateway:
         app = web.Application(middlewares=[self._guard])
         app.router.add_get("/", self._index)
         app.router.add_get("/socket", self._socket)
-        if PAGE.is_dir():
-            app.router.add_static("/assets", PAGE / "assets")
+        app.router.add_static("/assets", PAGE / "assets")
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
         await self._runner.setup()
         site = web.TCPSite(self._runner, "127.0.0.1", port)
@@ -185,13 +184,7 @@ class Gateway:
         return response
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        index = PAGE / "index.html"
-        if not index.is_file():
-            return web.Response(
-                status=503,
-                text="This wheel was built without npm, and has no page: docs/teleop.md says how to get one.\n",
-            )
-        return web.FileResponse(index, headers=HEADERS)
+        return web.FileResponse(PAGE / "index.html", headers=HEADERS)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Origin") not in {f"http://{host}" for host in self._hosts}:

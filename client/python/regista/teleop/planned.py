@@ -37,7 +37,7 @@ class PlannerMission:
         self.owner = ""
         self._device, self._name = device, name
         self._id = ""
-        self._told = MissionState.none
+        self._told: MissionState | int = MissionState.none
         self._question = planner.GoOn()
         self._why: tuple[State, str] | None = None  # why we let it go
         self._cleared: str | None = None  # the id of what the page wants to see no more
