@@ -252,6 +252,7 @@ void DriverHost::process_command(Channel& channel, Inbound& inbound) {
     if (!handler) return Error{std::errc::not_supported, "driver \"" + name_ + "\" does not take this command"};
     MotionGroup& group = state.groups[state.group_of[command.index()]];
     if (group.displaces(command)) tell_driver(state, port);
+    if (!open_) return Error{std::errc::not_connected, fault_text_};
     if (Result<> taken = group.command(inbound.session, identity(inbound.session), command, inbound.arrived, now_);
         !taken) {
       return taken.error();
@@ -271,7 +272,7 @@ void DriverHost::process_command(Channel& channel, Inbound& inbound) {
   const bool edge = std::visit([]<typename M>(const M&) { return M::message.flow == Flow::edge; }, command);
   if (!edge && !options_.motion[inbound.port].sensor) return;  // the group has it: told once, after all that waits
   tell_driver(state, port);
-  answer(call_handler(port, command));
+  answer(open_ ? call_handler(port, command) : Result<>{Error{std::errc::not_connected, fault_text_}});
 }
 
 void DriverHost::refuse(std::size_t port, const Error& error) {
@@ -360,6 +361,7 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
     return answer(Error{std::errc::invalid_argument, std::move(found)});
   }
   tell_driver(state, port);
+  if (!open_) return answer(Error{std::errc::not_connected, fault_text_});
   survives("request", [&] { watched([&] { handler(request, inbound.reply_to); }); });
 }
 
@@ -524,27 +526,36 @@ Result<> DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
   return done;
 }
 
-void DriverHost::tell_driver(PortState& state, PortCore& port) {
+/// What was refused; empty: nothing.
+Result<> DriverHost::tell(PortCore& port, const AnyCommand& command) {
+  if (port.commands[command.index()]) return call_handler(port, command);
   // The way to rest of an array is told joint by joint where the driver takes nothing else.
   constexpr std::size_t one_joint = index_in<actarray::SpeedCommand>(AnyCommand::Messages{});
-  const auto every_joint = [](const AnyCommand* command) {
-    const auto* all = std::get_if<actarray::MultiSpeedCommand>(command);
-    return all == nullptr ? nullptr : &all->speeds;
-  };
+  const auto* all = std::get_if<actarray::MultiSpeedCommand>(&command);
+  if (all == nullptr || !port.commands[one_joint]) return Error{std::errc::not_supported, "cannot be told to rest"};
+  Result<> told;
+  for (std::size_t joint = 0; joint < all->speeds.size() && open_; ++joint) {
+    const actarray::SpeedCommand one{.joint = static_cast<std::int32_t>(joint), .speed = all->speeds[joint]};
+    if (Result<> done = call_handler(port, one); !done) told = std::move(done);
+  }
+  return told;
+}
+
+void DriverHost::tell_driver(PortState& state, PortCore& port) {
   for (MotionGroup& group : state.groups) {
     const AnyCommand* command = group.step(now_, port.last);
-    const bool must_halt = group.take_halt_request();
+    bool must_halt = group.take_halt_request();
     if (!open_) continue;
-    if (command != nullptr && port.commands[command->index()]) {
-      if (const Result<> done = call_handler(port, *command); !done) group.refused(text_of(done.error()), now_);
-    } else if (const auto* speeds = every_joint(command); speeds != nullptr && port.commands[one_joint]) {
-      for (std::size_t joint = 0; joint < speeds->size() && open_; ++joint) {
-        (void)call_handler(
-            port, actarray::SpeedCommand{.joint = static_cast<std::int32_t>(joint), .speed = (*speeds)[joint]});
+    if (command != nullptr) {
+      if (const Result<> told = tell(port, *command); !told) {
+        const MotionGroup::AfterRefusal then = group.refused(text_of(told.error()), now_);
+        const bool rests = then == MotionGroup::AfterRefusal::come_to_rest;  // now, not at the next beat
+        command = rests ? group.step(now_, port.last) : nullptr;
+        must_halt = then == MotionGroup::AfterRefusal::halt || group.take_halt_request() ||
+                    (command != nullptr && !tell(port, *command));
       }
-    } else if (must_halt || command != nullptr) {
-      halt();
     }
+    if (must_halt && open_) halt();
     increment(metrics_.commands_clamped, group.take_clamped());
     increment(metrics_.commands_replaced, group.take_replaced());
   }

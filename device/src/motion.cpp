@@ -274,7 +274,7 @@ Result<> MotionGroup::command(SessionId session, const Identity& who, const AnyC
   if (std::exchange(untold_, true)) ++replaced_;
   target_ = command;
   clamp(target_);
-  if (state_ == MotionState::stopping && taken_over_) {
+  if (state_ == MotionState::stopping && rests_first_) {
     queued_ = true;  // told when the device stands
     return {};
   }
@@ -334,7 +334,7 @@ Result<> MotionGroup::take(SessionId session, const Identity& who, bool blend, T
   } else if (session == displaced_ || displaced_ == everybody) {
     displaced_ = 0;
   }
-  taken_over_ = state_ == MotionState::stopping;
+  rests_first_ = state_ == MotionState::stopping;
   owner_ = Owner{session, who};
   if (state_ != MotionState::driving) heard_ = now;  // to take is not to command: what moves gets no new lease
   changed_ = true;
@@ -384,13 +384,20 @@ void MotionGroup::come_to_rest(std::string reason, Time now) {
   changed_ = true;
   reason_ = std::move(reason);
   state_ = MotionState::stopping;
-  taken_over_ = false;
+  rests_first_ = false;
   pending_ = true;
   stepped_ = now;
 }
 
-void MotionGroup::refused(const std::string& reason, Time now) {
-  if (state_ == MotionState::driving && destination()) come_to_rest("refused: " + reason, now);
+MotionGroup::AfterRefusal MotionGroup::refused(const std::string& reason, Time now) {
+  if (told_rest_) {
+    if (state_ == MotionState::stopping) stand(now);
+    return AfterRefusal::halt;
+  }
+  if (state_ != MotionState::driving || !destination()) return AfterRefusal::carry_on;
+  come_to_rest("refused: " + reason, now);
+  rests_first_ = true;  // what is refused again and again does not hold up the stop
+  return AfterRefusal::come_to_rest;
 }
 
 void MotionGroup::halted(const std::string& reason, bool fault) {
@@ -399,7 +406,7 @@ void MotionGroup::halted(const std::string& reason, bool fault) {
   state_ = fault ? MotionState::fault : MotionState::stopped;
   reason_ = reason;
   pending_ = false;
-  taken_over_ = false;
+  rests_first_ = false;
   queued_ = false;
   changed_ = true;
 }
@@ -412,7 +419,7 @@ void MotionGroup::recovered() {
 
 void MotionGroup::stand(Time now) {
   changed_ = true;
-  taken_over_ = false;
+  rests_first_ = false;
   pending_ = std::exchange(queued_, false);
   state_ = pending_ ? MotionState::driving : MotionState::stopped;
   if (pending_) next_output_ = at_rest(target_);
@@ -439,6 +446,7 @@ const AnyCommand* MotionGroup::step(Time now, const Measured& measured) {
     }
   }
   const Duration dt = now - std::exchange(stepped_, now);
+  told_rest_ = state_ == MotionState::stopping;
   switch (state_) {
     case MotionState::driving:
       if (!pending_) return nullptr;

@@ -26,10 +26,12 @@ class Robot final : public Driver {
         count{setup.property("count", std::int32_t{3})},
         on{setup.property("on", true)},
         label{setup.property("label", std::string{"red"}, {.read_only = true})} {
-    base.on<VelocityCommand>([this](const VelocityCommand& c) {
+    base.on<VelocityCommand>([this](const VelocityCommand& c) -> Result<> {
       may_throw("command");
+      if (busy) return Error{std::errc::device_or_resource_busy, "busy"};
       velocity = c.velocity;
       if (write_down) log.push_back("velocity " + std::to_string(c.velocity.x).substr(0, 4));
+      return {};
     });
     base.on<position2d::PositionCommand>([](const position2d::PositionCommand&) -> Result<> {
       return Error{std::errc::resource_unavailable_try_again, "no camera has seen the robot yet"};
@@ -98,6 +100,7 @@ class Robot final : public Driver {
   std::size_t joints = 0;
   actarray::State joint_states{.actuators = std::vector<actarray::Actuator>(6)};
   std::string thrower;
+  bool busy = false;
   bool openable = true;
   bool readable = true;
   bool write_down = true;
@@ -545,7 +548,7 @@ TEST(DriverHost, tells_missed_deadlines_once_in_five_seconds_with_a_count) {
   EXPECT_EQ(bench.last_event(), "driver \"robot\": deadline missed: 99 ms (12 more before)");
 }
 
-TEST(DriverHost, stops_what_was_to_go_where_its_driver_refuses_to) {
+TEST(DriverHost, stops_what_was_to_go_where_its_driver_refuses_to_in_the_same_cycle) {
   Bench bench;
   ASSERT_TRUE(bench.subscribe());
   bench.drive(1);
@@ -553,13 +556,38 @@ TEST(DriverHost, stops_what_was_to_go_where_its_driver_refuses_to) {
   bench.command(base, position2d::PositionCommand{.pose = {.x = 5}});
   bench.cycle();
   EXPECT_EQ(bench.last_event(), "position2d:0 refused: no camera has seen the robot yet");
-  bench.cycle();
   EXPECT_EQ(bench.driver->velocity.x, 0);
   const auto motion = bench.answer(base, player::GetMotion{});
   ASSERT_TRUE(motion);
   const auto& status = *std::get_if<player::Motion>(&*motion);
   EXPECT_EQ(status.state, player::MotionState::stopped);
   EXPECT_EQ(status.reason, "refused: no camera has seen the robot yet");
+}
+
+TEST(DriverHost, halts_a_driver_that_refuses_to_come_to_rest) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  bench.drive(1);
+  bench.cycle();
+  bench.driver->busy = true;
+  (void)bench.driver->take_log();
+  bench.run(600ms);
+  EXPECT_EQ(bench.driver->velocity.x, 0);
+  const Log log = bench.driver->take_log();
+  EXPECT_EQ(std::ranges::count(log, "halt"), 1);
+}
+
+TEST(DriverHost, asks_nothing_of_a_driver_that_failed_just_before) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  (void)bench.driver->take_log();
+  bench.driver->thrower = "command";
+  bench.drive(1);
+  bench.ask(base, position2d::ResetOdometry{});  // is told the velocity first
+  bench.cycle();
+  const Log log = bench.driver->take_log();
+  EXPECT_EQ(std::ranges::count(log, "close"), 1);
+  EXPECT_EQ(std::ranges::count(log, "reset"), 0);
 }
 
 TEST(DriverHost, refuses_commands_of_who_is_not_subscribed) {

@@ -460,18 +460,20 @@ TEST(Motion, gives_up_a_destination_that_the_driver_refused_and_comes_to_rest) {
   const AnyCommand goal = position2d::PositionCommand{.pose = {.x = 5}};
   ASSERT_TRUE(s.command(carol, goal));
   s.step();
-  s.motion.refused("no camera has seen the robot yet", s.now);
+  EXPECT_EQ(s.motion.refused("no camera", s.now), MotionGroup::AfterRefusal::come_to_rest);
   EXPECT_EQ(s.state(), MotionState::stopping);
-  s.step(100ms);
-  EXPECT_NEAR(s.velocity().x, 0.3, 1e-9) << "along the ramp from what it does";
-  s.run(400ms);
-  EXPECT_EQ(s.state(), MotionState::stopped);
-  EXPECT_EQ(s.motion.status().reason, "refused: no camera has seen the robot yet");
+  for (int i = 0; i < 39; ++i) {  // sent again at each beat, it does not hold up the stop
+    s.step(10ms);
+    ASSERT_TRUE(s.command(carol, goal));
+    EXPECT_NEAR(s.velocity().x, 0.4 - 0.01 * (i + 1), 1e-9) << "along the ramp from what it does";
+  }
+  EXPECT_EQ(s.motion.status().reason, "refused: no camera");
   EXPECT_EQ(s.owner(), "chief");
   EXPECT_TRUE(s.told.empty()) << "the refusal was told already";
-  ASSERT_TRUE(s.command(carol, goal));
-  EXPECT_EQ(s.state(), MotionState::driving);
-  s.step();
+  s.step(10ms);
+  EXPECT_EQ(s.velocity().x, 0);
+  EXPECT_EQ(s.state(), MotionState::driving) << "what was sent meanwhile";
+  s.step(10ms);
   EXPECT_TRUE(std::holds_alternative<position2d::PositionCommand>(s.output));
 }
 
@@ -479,9 +481,20 @@ TEST(Motion, leaves_a_refused_velocity_to_the_next_one_or_the_lease) {
   Story s;
   ASSERT_TRUE(s.command(alice, drive(1)));
   s.step();
-  s.motion.refused("too fast uphill", s.now);
+  EXPECT_EQ(s.motion.refused("too fast uphill", s.now), MotionGroup::AfterRefusal::carry_on);
   EXPECT_EQ(s.state(), MotionState::driving);
   s.run(520ms);
+  EXPECT_EQ(s.state(), MotionState::stopped);
+}
+
+TEST(Motion, wants_a_halt_when_rest_is_refused) {
+  Story s{{.ramp = 1}};
+  ASSERT_TRUE(s.command(alice, drive(1)));
+  s.step();
+  s.motion.stop(bob, "bob says so", s.now);
+  s.step(20ms);
+  EXPECT_EQ(s.state(), MotionState::stopping);
+  EXPECT_EQ(s.motion.refused("busy", s.now), MotionGroup::AfterRefusal::halt);
   EXPECT_EQ(s.state(), MotionState::stopped);
 }
 

@@ -122,6 +122,7 @@ class DriverHost {
   void receive(RequiredCore& device);
   void attend(RequiredCore& device, bool open);
   Result<> call_handler(PortCore& port, const AnyCommand& command);
+  Result<> tell(PortCore& port, const AnyCommand& command);
   void tell_driver(PortState& state, PortCore& port);
   void run_motion();
   void beat();

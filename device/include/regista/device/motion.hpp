@@ -48,9 +48,13 @@ class MotionGroup {
   /// Bring the device to rest, whoever drives it. Nobody but `by` moves it again before everybody has paused for a
   /// lease, or somebody takes it: else whoever streams commands would undo the stop. `reason` follows "stopped: ".
   void stop(SessionId by, const std::string& reason, Time now);
-  /// The driver did not take what step() returned. A destination is given up then, for nothing follows it that could be
-  /// taken; the owner stays, and may send it again. `reason`: why.
-  void refused(const std::string& reason, Time now);
+  enum class AfterRefusal {
+    carry_on,      ///< the next set-point, or the lease, follows
+    come_to_rest,  ///< step() again leads to rest: a destination is given up, for nothing would follow it
+    halt,          ///< it was to come to rest
+  };
+  /// The driver did not take what step() returned. The owner stays, and may send it again. `reason`: why.
+  [[nodiscard]] AfterRefusal refused(const std::string& reason, Time now);
   /// The driver was halted: nothing moves any more, nobody owns it.
   void halted(const std::string& reason, bool fault);
   /// The driver works again.
@@ -109,8 +113,9 @@ class MotionGroup {
   AnyCommand output_;                      ///< what the driver was told last
   bool pending_ = false;                   ///< target_ is to be told
   std::optional<AnyCommand> next_output_;  ///< where the next step starts from
-  bool taken_over_ = false;                ///< comes to rest for a new owner
-  bool queued_ = false;                    ///< whose target_ is to be told then
+  bool rests_first_ = false;               ///< comes to rest before it drives again
+  bool queued_ = false;                    ///< target_ is to be told then
+  bool told_rest_ = false;                 ///< output_ was on the way to rest
   bool halt_requested_ = false;
   bool changed_ = true;
   bool untold_ = false;  ///< target_ is new
