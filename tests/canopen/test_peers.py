@@ -123,6 +123,17 @@ def test_any_size_goes_both_ways(bus, drive, tmp_path, size, transfer):
     assert back.read_bytes() == sent.read_bytes()
 
 
+def test_blocks_go_in_segments_to_a_node_that_has_none(bus, tmp_path):
+    """python-canopen's own server refuses a block download, and answers a block upload with segments."""
+    sent, back = tmp_path / "sent", tmp_path / "back"
+    sent.write_bytes(os.urandom(100))
+    with running(sys.executable, PEER / "drive.py", *bus.arguments, "--node", "7", "--no-blocks") as process:
+        wait_for_line(process, "ready")
+        bus.run("write", 7, "2001", "--file", sent, "--block")
+        bus.run("read", 7, "2001", "--file", back, "--block")
+    assert back.read_bytes() == sent.read_bytes()
+
+
 def test_aborts_are_told_in_words(bus, drive):
     error = bus.run("write", 5, "1000", "01 00 00 00", code=1)
     assert error == "regista-can: node 5: write 1000:00: SDO abort 0x06010002: the object is read-only\n"
