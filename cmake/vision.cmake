@@ -13,7 +13,8 @@ regista_floor(ssl LEVEL 2 USES core
 target_include_directories(regista_ssl SYSTEM PRIVATE ${generated})
 set_source_files_properties(${generated}/ssl.pb.cc PROPERTIES COMPILE_OPTIONS -w SKIP_LINTING ON)
 regista_floor(vision LEVEL 3 FOLDER vision_bridge USES ssl control device core
-              SOURCES vision_bridge/src/clock_map.cpp vision_bridge/src/config.cpp vision_bridge/src/tracker.cpp)
+              SOURCES vision_bridge/src/clock_map.cpp vision_bridge/src/config.cpp vision_bridge/src/delay_estimator.cpp
+                      vision_bridge/src/tracker.cpp)
 regista_floor(soccer LEVEL 4 USES vision client ssl control core SOURCES soccer/src/team.cpp)
 if(REGISTA_PYTHON)
   return()

@@ -11,10 +11,7 @@ int main() {
   const auto goal = [](const regista::soccer::TeamRobot& robot) {
     return regista::Pose2d{.x = -0.5, .y = 0.5 * robot.id().number, .heading = 1.57};
   };
-  // Without vision a robot takes no destination: seen, and half a second for each robot to hear it.
-  while (!std::ranges::all_of(team, [&](const auto& robot) { return team.seen(robot.id()).has_value(); }))
-    team.read(50ms);
-  for (const auto seen = regista::Clock::now(); regista::Clock::now() - seen < 500ms;) team.read(50ms);
+  // A robot that has not heard of vision yet takes no destination; read() tells it again.
   for (auto& robot : team) robot.go_to(goal(robot));
   while (!std::ranges::all_of(team, [&](const auto& robot) { return robot.is_at(goal(robot)); })) team.read(50ms);
   std::printf("%zu robots in line\n", team.size());

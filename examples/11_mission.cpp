@@ -10,6 +10,7 @@ int main() {
   regista::client::Robot robot{"localhost"};
   auto& driver = robot.device<regista::Planner>();
   auto& truth = robot.position2d(1);
+  robot.position2d(0).set_motor_power(true);                // its drives have no voltage before
   while (robot.position2d(2).count() == 0) robot.read(1s);  // the localizer is silent until it knows where it is
 
   const std::vector<regista::Pose2d> points{{3, 0, 0}, {5, 2, 1.57}, {3, 4, 3.14}};
@@ -25,6 +26,5 @@ int main() {
     if (mission.state == MissionState::failed) throw std::runtime_error{mission.reason.bytes()};
     std::fflush(stdout);
   }
-  const double off_m = regista::distance(truth.state().pose, points.back());
-  std::printf("arrived: %s\n", off_m < 1 ? "yes" : "no");
+  std::printf("arrived: %s\n", regista::distance(truth.state().pose, points.back()) < 1 ? "yes" : "no");
 }

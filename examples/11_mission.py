@@ -10,6 +10,7 @@ WAIT = planner.Action(point=1, act=planner.Act.wait, duration_s=1)
 with regista.Robot("localhost") as robot:
     driver = robot.device("planner:0")
     truth, localizer = robot.position2d(1), robot.position2d(2)
+    robot.position2d(0).set_motor_power(True)  # its drives have no voltage before
     while localizer.count == 0:  # it is silent until it knows where it is
         robot.read(timeout=1)
     driver.request(planner.SetMission(id="three points", points=POINTS, actions=[WAIT]))

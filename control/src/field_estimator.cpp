@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <regista/control/field_estimator.hpp>
 
+#include <cmath>
+
 #include "parameter.hpp"
 
 namespace regista::control {
@@ -12,6 +14,7 @@ FieldEstimator::FieldEstimator(const FieldEstimatorConfig& config)
   require_positive("fix_sd_m", config.fix_sd_m);
   require_positive("fix_sd_rad", config.fix_sd_rad);
   require_positive("wheels_sd_mps", config.wheels_sd_mps);
+  require_not_negative("wheels_slip_s", config.wheels_slip_s);
   place({});
 }
 
@@ -31,7 +34,10 @@ void FieldEstimator::predict(const InertialMeasurement& measured, Duration dt) {
 
 Correction FieldEstimator::correct(const BodyVelocity& wheels) {
   const FieldVelocity seen = to_field(wheels, orientation_.filter().estimate().heading_rad);
-  return translation_.correct(VelocityMeasurement{.x = seen.x, .y = seen.y, .sd_mps = config_.wheels_sd_mps});
+  const auto& pushed = translation_.filter().state().input;
+  const double slip_mps = config_.wheels_slip_s * std::hypot(pushed.x, pushed.y);
+  return translation_.correct(
+      VelocityMeasurement{.x = seen.x, .y = seen.y, .sd_mps = std::hypot(config_.wheels_sd_mps, slip_mps)});
 }
 
 FieldEstimator::Fix FieldEstimator::correct(const Pose2d& seen, Duration age) {

@@ -34,6 +34,8 @@ constexpr std::size_t no_lane = Mailbox<Inbound, 256>::no_lane;
 
 std::string more_before(std::uint64_t count) { return count > 0 ? " (" + std::to_string(count) + " more before)" : ""; }
 
+std::string text_of(const Error& error) { return error.what.empty() ? error.message() : error.what; }
+
 void increment(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);  // one writer
 }
@@ -256,14 +258,20 @@ void DriverHost::process_command(Channel& channel, Inbound& inbound) {
     }
     return std::nullopt;
   }();
+  const auto answer = [&](const Result<>& taken) {
+    if (inbound.reply_to.session == 0) return;
+    put(channel, Reply{.to = inbound.reply_to,
+                       .port = inbound.port,
+                       .answer = taken ? Result<AnyReply>{AnyReply{}} : Result<AnyReply>{taken.error()}});
+  };
   if (refusal) {
     refuse(inbound.port, *refusal);
-    return;
+    return answer(*refusal);
   }
   const bool edge = std::visit([]<typename M>(const M&) { return M::message.flow == Flow::edge; }, command);
   if (!edge && !options_.motion[inbound.port].sensor) return;  // the group has it: told once, after all that waits
   tell_driver(state, port);
-  call_handler(port, command);
+  answer(call_handler(port, command));
 }
 
 void DriverHost::refuse(std::size_t port, const Error& error) {
@@ -271,9 +279,7 @@ void DriverHost::refuse(std::size_t port, const Error& error) {
   PortState& state = states_[port];
   const auto untold = state.refusals.admit(now_);
   if (!untold) return;
-  broadcast(port, 1,
-            title(setup_->ports[port]) + " refused: " + (error.what.empty() ? error.message() : error.what) +
-                more_before(*untold));
+  broadcast(port, 1, title(setup_->ports[port]) + " refused: " + text_of(error) + more_before(*untold));
 }
 
 void DriverHost::process_request(Channel& channel, Inbound& inbound) {
@@ -301,7 +307,7 @@ void DriverHost::process_request(Channel& channel, Inbound& inbound) {
     }
     // Nothing is on its way to rest there, but energy is kept ready.
     const AnyCommand uncharge = kicker::ChargeCommand{.on = 0};
-    if (open_ && port.commands[uncharge.index()]) call_handler(port, uncharge);
+    if (open_ && port.commands[uncharge.index()]) (void)call_handler(port, uncharge);
     return answer(AnyReply{});
   }
   if (const auto* motion = std::get_if<player::GetMotion>(&request)) {
@@ -509,11 +515,13 @@ void join(DriverHost& consumer, RequiredCore& required, DriverHost& provider, st
   });
 }
 
-void DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
+Result<> DriverHost::call_handler(PortCore& port, const AnyCommand& command) {
   Result<> done;
-  if (survives("command", [&] { watched([&] { done = port.commands[command.index()](command); }); }) && !done) {
-    refuse(port.number, done.error());
+  if (!survives("command", [&] { watched([&] { done = port.commands[command.index()](command); }); })) {
+    return Error{std::errc::state_not_recoverable, fault_text_};
   }
+  if (!done) refuse(port.number, done.error());
+  return done;
 }
 
 void DriverHost::tell_driver(PortState& state, PortCore& port) {
@@ -528,11 +536,11 @@ void DriverHost::tell_driver(PortState& state, PortCore& port) {
     const bool must_halt = group.take_halt_request();
     if (!open_) continue;
     if (command != nullptr && port.commands[command->index()]) {
-      call_handler(port, *command);
+      if (const Result<> done = call_handler(port, *command); !done) group.refused(text_of(done.error()), now_);
     } else if (const auto* speeds = every_joint(command); speeds != nullptr && port.commands[one_joint]) {
       for (std::size_t joint = 0; joint < speeds->size() && open_; ++joint) {
-        call_handler(port,
-                     actarray::SpeedCommand{.joint = static_cast<std::int32_t>(joint), .speed = (*speeds)[joint]});
+        (void)call_handler(
+            port, actarray::SpeedCommand{.joint = static_cast<std::int32_t>(joint), .speed = (*speeds)[joint]});
       }
     } else if (must_halt || command != nullptr) {
       halt();

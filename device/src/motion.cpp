@@ -377,11 +377,20 @@ void MotionGroup::begin_stop(std::string reason, bool keep_owner, Time now) {
   if (state_ != MotionState::driving) return;
   const bool moves = output_ != at_rest(output_);
   if (tell_) tell_(moves ? 1 : 0, device_ + " stopped: " + reason);
+  come_to_rest(std::move(reason), now);
+}
+
+void MotionGroup::come_to_rest(std::string reason, Time now) {
+  changed_ = true;
   reason_ = std::move(reason);
   state_ = MotionState::stopping;
   taken_over_ = false;
   pending_ = true;
   stepped_ = now;
+}
+
+void MotionGroup::refused(const std::string& reason, Time now) {
+  if (state_ == MotionState::driving && destination()) come_to_rest("refused: " + reason, now);
 }
 
 void MotionGroup::halted(const std::string& reason, bool fault) {

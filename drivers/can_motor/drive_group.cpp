@@ -9,6 +9,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
+constexpr Duration up_limit = 1s;      // who asked waits for the answer, and may not wait for long
 constexpr Duration enable_limit = 3s;  // brakes and pre-charging of the DC link take their time
 
 }  // namespace
@@ -67,7 +68,7 @@ void DriveGroup::on_time(Time now) {
 Time DriveGroup::next_wake() const {
   Time next = std::min(master_.next_wake(), send_at_);
   for (const DriveNode& drive : drives_) next = std::min(next, drive.next_wake());
-  return mode_ == Mode::enabling ? std::min(next, enable_by_) : next;
+  return mode_ == Mode::awaiting || mode_ == Mode::enabling ? std::min(next, enable_by_) : next;
 }
 
 void DriveGroup::send_all(Time now) {
@@ -99,27 +100,36 @@ void DriveGroup::finish(Result<> result) {
 
 void DriveGroup::enable(std::function<void(Result<>)> done, Time now) {
   if (mode_ == Mode::enabled) return done({});
-  for (const DriveNode& drive : drives_) {
-    if (!drive.ready()) {
-      return done(Error{std::errc::not_connected, "node " + std::to_string(drive.node()) + ": " + drive.describe()});
-    }
-    if (!drive.unguarded().empty()) return done(Error{std::errc::operation_not_permitted, drive.unguarded()});
-  }
   finish(Error{std::errc::operation_canceled, "asked again"});
   done_ = std::move(done);
-  mode_ = Mode::enabling;
-  enable_by_ = now + enable_limit;
-  for (DriveNode& drive : drives_) drive.want(true);
-  send_all(now);
+  mode_ = Mode::awaiting;
+  enable_by_ = now + up_limit;
+  check_enabling(now);
 }
 
 void DriveGroup::check_enabling(Time now) {
-  if (mode_ != Mode::enabling) return;
-  if (std::ranges::all_of(drives_, &DriveNode::enabled)) {
+  if (mode_ == Mode::awaiting && std::ranges::all_of(drives_, &DriveNode::ready)) {
+    for (const DriveNode& drive : drives_) {
+      if (drive.unguarded().empty()) continue;
+      mode_ = Mode::stopped;
+      return finish(Error{std::errc::operation_not_permitted, drive.unguarded()});
+    }
+    mode_ = Mode::enabling;
+    enable_by_ = now + enable_limit;
+    for (DriveNode& drive : drives_) drive.want(true);
+    send_all(now);
+  }
+  if (mode_ == Mode::enabling && std::ranges::all_of(drives_, &DriveNode::enabled)) {
     mode_ = Mode::enabled;
     return finish({});
   }
   if (now < enable_by_) return;
+  if (mode_ == Mode::awaiting) {
+    const auto late = std::ranges::find_if_not(drives_, &DriveNode::ready);
+    mode_ = Mode::stopped;
+    return finish(Error{std::errc::not_connected, "node " + std::to_string(late->node()) + ": " + late->describe()});
+  }
+  if (mode_ != Mode::enabling) return;
   const auto late = std::ranges::find_if_not(drives_, &DriveNode::enabled);
   stop("node " + std::to_string(late->node()) + " stays in '" + late->describe() + "'", now);
 }

@@ -32,7 +32,8 @@ class DriveGroup final : public canopen::Station {
   void on_time(Time now) override;
   [[nodiscard]] Time next_wake() const override;
 
-  /// Resets faults and enables all, at rest. `done` is called once: when all are enabled, or with the reason.
+  /// Resets faults and enables all, at rest, once all are up: they have a second for that, so that who opens them
+  /// and asks at once need not ask again. `done` is called once: when all are enabled, or with the reason.
   void enable(std::function<void(Result<>)> done, Time now);
   /// A quick stop of all, then no voltage. `reason` is what commands are refused with.
   void stop(const std::string& reason, Time now);
@@ -48,7 +49,7 @@ class DriveGroup final : public canopen::Station {
   [[nodiscard]] const canopen::Master& master() const { return master_; }
 
  private:
-  enum class Mode : std::uint8_t { stopped, enabling, enabled };
+  enum class Mode : std::uint8_t { stopped, awaiting, enabling, enabled };  ///< awaiting: that all are up
 
   void trouble(const std::string& reason);
   void finish(Result<> result);

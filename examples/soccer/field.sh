@@ -85,7 +85,6 @@ driver
   port "$folder/boards/$team$i"
   rate 100
   vision_sd 0.008  # of poses that the bridge has filtered: their errors last
-  wheels_sd 0.4    # they slip together when the robot brakes hard
   speed 1.2
   accel 2
   turn_speed 230

@@ -32,13 +32,13 @@ def environment(**more):
 class Server:
     """regista-server with a configuration, on a port of its own unless it is named."""
 
-    def __init__(self, config, port=0):
-        command = [SERVER, "--port", str(port), "--listen", "127.0.0.1", "--log-level", "off", config]
+    def __init__(self, config, port=0, listen="127.0.0.1"):
+        command = [SERVER, "--port", str(port), "--listen", listen, "--log-level", "off", config]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         ready = self.process.stdout.readline()
         assert ready.startswith("regista-server: ready on "), ready
         self.port = int(ready.rsplit(":", 1)[1])
-        self.robot = f"127.0.0.1:{self.port}"
+        self.robot = f"[{listen}]:{self.port}" if ":" in listen else f"{listen}:{self.port}"
 
     def __enter__(self):
         return self

@@ -31,6 +31,9 @@ class Robot final : public Driver {
       velocity = c.velocity;
       if (write_down) log.push_back("velocity " + std::to_string(c.velocity.x).substr(0, 4));
     });
+    base.on<position2d::PositionCommand>([](const position2d::PositionCommand&) -> Result<> {
+      return Error{std::errc::resource_unavailable_try_again, "no camera has seen the robot yet"};
+    });
     base.on<position2d::ResetOdometry>([this](const position2d::ResetOdometry&) -> Result<Empty> {
       may_throw("request");
       log.push_back("reset");
@@ -540,6 +543,23 @@ TEST(DriverHost, tells_missed_deadlines_once_in_five_seconds_with_a_count) {
   bench.run(5s);
   bench.cycle(bench.due + 99ms - bench.now);
   EXPECT_EQ(bench.last_event(), "driver \"robot\": deadline missed: 99 ms (12 more before)");
+}
+
+TEST(DriverHost, stops_what_was_to_go_where_its_driver_refuses_to) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  bench.drive(1);
+  bench.cycle();
+  bench.command(base, position2d::PositionCommand{.pose = {.x = 5}});
+  bench.cycle();
+  EXPECT_EQ(bench.last_event(), "position2d:0 refused: no camera has seen the robot yet");
+  bench.cycle();
+  EXPECT_EQ(bench.driver->velocity.x, 0);
+  const auto motion = bench.answer(base, player::GetMotion{});
+  ASSERT_TRUE(motion);
+  const auto& status = *std::get_if<player::Motion>(&*motion);
+  EXPECT_EQ(status.state, player::MotionState::stopped);
+  EXPECT_EQ(status.reason, "refused: no camera has seen the robot yet");
 }
 
 TEST(DriverHost, refuses_commands_of_who_is_not_subscribed) {

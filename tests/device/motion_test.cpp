@@ -454,6 +454,37 @@ TEST(Motion, needs_keep_alives_of_an_extended_owner_on_the_way_to_a_destination)
   EXPECT_EQ(s.last_told(), "position2d:0 stopped: no sign of life for 520 ms (lease 500 ms)");
 }
 
+TEST(Motion, gives_up_a_destination_that_the_driver_refused_and_comes_to_rest) {
+  Story s{{.ramp = 1}};
+  s.measured.velocity = {.x = 0.4};
+  const AnyCommand goal = position2d::PositionCommand{.pose = {.x = 5}};
+  ASSERT_TRUE(s.command(carol, goal));
+  s.step();
+  s.motion.refused("no camera has seen the robot yet", s.now);
+  EXPECT_EQ(s.state(), MotionState::stopping);
+  s.step(100ms);
+  EXPECT_NEAR(s.velocity().x, 0.3, 1e-9) << "along the ramp from what it does";
+  s.run(400ms);
+  EXPECT_EQ(s.state(), MotionState::stopped);
+  EXPECT_EQ(s.motion.status().reason, "refused: no camera has seen the robot yet");
+  EXPECT_EQ(s.owner(), "chief");
+  EXPECT_TRUE(s.told.empty()) << "the refusal was told already";
+  ASSERT_TRUE(s.command(carol, goal));
+  EXPECT_EQ(s.state(), MotionState::driving);
+  s.step();
+  EXPECT_TRUE(std::holds_alternative<position2d::PositionCommand>(s.output));
+}
+
+TEST(Motion, leaves_a_refused_velocity_to_the_next_one_or_the_lease) {
+  Story s;
+  ASSERT_TRUE(s.command(alice, drive(1)));
+  s.step();
+  s.motion.refused("too fast uphill", s.now);
+  EXPECT_EQ(s.state(), MotionState::driving);
+  s.run(520ms);
+  EXPECT_EQ(s.state(), MotionState::stopped);
+}
+
 TEST(Motion, is_not_kept_alive_at_a_velocity) {
   Story s;
   ASSERT_TRUE(s.command(carol, drive(1)));

@@ -76,6 +76,29 @@ TEST(CanMotor, brings_drives_up_but_enables_them_only_on_request) {
   EXPECT_EQ(bench.latest<actarray::State>().motors_on, 1);
 }
 
+TEST(CanMotor, power_that_is_asked_for_while_drives_come_up_is_answered_when_they_are_enabled) {
+  Drives bench;
+  bench.run(20ms);
+  EXPECT_EQ(bench.events(), "");
+  ASSERT_TRUE(bench.power_up());
+  EXPECT_EQ(bench.state(0), Cia402State::operation_enabled);
+  EXPECT_EQ(bench.state(1), Cia402State::operation_enabled);
+  EXPECT_EQ(bench.rpm(0), 0);
+}
+
+TEST(CanMotor, power_that_was_refused_for_a_missing_drive_is_not_switched_on_when_it_comes) {
+  Drives bench;
+  bench.drives->port_of(1).connect(false);
+  bench.run(20ms);
+  const auto refused = bench.power_up();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().what.substr(0, 7), "node 6:");
+  bench.drives->port_of(1).connect(true);
+  bench.run(3s);
+  EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
+  EXPECT_EQ(bench.state(1), Cia402State::switch_on_disabled);
+}
+
 TEST(CanMotor, turns_each_wheel_at_its_own_speed_and_tells_how_far) {
   Drives bench{"increments 4096 reversed [6]"};
   ASSERT_TRUE(bench.up());

@@ -6,8 +6,9 @@
 
 #include <regista/testing/rig.hpp>
 
+#include "can_motor.hpp"
+#include "differential.hpp"
 #include "localizer.hpp"
-#include "simulated_base.hpp"
 #include "simulated_gps.hpp"
 #include "simulated_imu.hpp"
 #include "waypoint.hpp"
@@ -27,7 +28,8 @@ testing::Rig field() {
   std::ostringstream text;
   text << std::ifstream{EXAMPLES "/field.cfg"}.rdbuf();
   return testing::Rig{text.str(),
-                      {{"simulated_base", create<SimulatedBase>},
+                      {{"can_motor", create<CanMotor>},
+                       {"differential", create<Differential>},
                        {"simulated_gps", create<SimulatedGps>},
                        {"simulated_imu", create<SimulatedImu>},
                        {"localizer", create<Localizer>},
@@ -36,7 +38,10 @@ testing::Rig field() {
 
 TEST(FieldRobot, drives_the_mission_of_the_example_again_and_again) {
   auto rig = field();
+  rig.run(100ms);
+  (void)rig.ask(position2d::SetMotorPower{1});  // answered when drives are up and enabled
   rig.run(3s);
+  ASSERT_EQ(rig.latest<actarray::State>()->motors_on, 1);
   const std::vector<Pose2d> points{{3, 0, 0}, {5, 2, 1.57}, {3, 4, 3.14}};
   for (int lap = 0; lap < 5; ++lap) {
     ASSERT_TRUE(rig.ask(planner::SetMission{.id = "three points",

@@ -29,6 +29,7 @@ struct World {
   Pose2d truth{};
   BodyVelocity commanded{};
   std::vector<std::uint32_t> outputs{};  ///< of the dio, as they were commanded
+  std::string relay_trouble{};           ///< why the dio refuses commands
 };
 
 /// A differential base in a field, with fixes from outside, IMU and relays.
@@ -43,7 +44,11 @@ class Plant final : public Driver {
         base_{{.holonomic = false, .time_constant_s = 0.05, .max_accel_mps2 = 2}} {
     base_.place(field.truth);
     base_port_.on<position2d::VelocityCommand>([this](const auto& c) { field_.commanded = c.velocity; });
-    dio_.on<dio::OutputCommand>([this](const auto& c) { field_.outputs.push_back(c.bits); });
+    dio_.on<dio::OutputCommand>([this](const auto& c) -> Result<> {
+      if (!field_.relay_trouble.empty()) return Error{std::errc::io_error, field_.relay_trouble};
+      field_.outputs.push_back(c.bits);
+      return {};
+    });
   }
 
   Result<> read(const Tick& tick) override {

@@ -115,6 +115,26 @@ TEST(WaypointDriver, sets_relays_waits_asks_and_goes_on) {
   EXPECT_FALSE(robot.rig.ask(planner::GoOn{.point = 0, .action = 3}));
 }
 
+TEST(WaypointDriver, fails_with_the_reason_when_a_relay_is_refused_and_tries_it_again_when_told) {
+  Robot robot;
+  ASSERT_TRUE(robot.upload("work", {{2, 0, 0}, {4, 0, 0}},
+                           {{.act = Act::relay, .output = 1, .on = 1}, {.act = Act::relay, .output = 1}}));
+  robot.field.relay_trouble = "node 5: SDO abort 0x08000022: not in this state of the device";
+  robot.run("work");
+  ASSERT_TRUE(robot.until(MissionState::failed));
+  EXPECT_EQ(robot.mission().reason.view(), "the relays refuse: " + robot.field.relay_trouble);
+  EXPECT_EQ(robot.mission().point, 0U);
+  EXPECT_NE(robot.rig.events().find("planner:0: the relays refuse: node 5"), std::string::npos);
+  EXPECT_TRUE(robot.rests());
+  EXPECT_LT(distance(robot.field.truth, {.x = 2}), 0.4);
+  ASSERT_TRUE(robot.rig.ask(planner::Enable{1}));
+  ASSERT_TRUE(robot.until(MissionState::failed)) << "they still refuse";
+  robot.field.relay_trouble.clear();
+  ASSERT_TRUE(robot.rig.ask(planner::Enable{1}));
+  ASSERT_TRUE(robot.until(MissionState::finished));
+  EXPECT_EQ(robot.field.outputs, (std::vector<std::uint32_t>{2, 0}));
+}
+
 TEST(WaypointDriver, begins_anew_when_the_robot_is_carried_away_from_its_work) {
   Robot robot;
   ASSERT_TRUE(robot.upload("work", {{2, 0, 0}},

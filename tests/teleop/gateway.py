@@ -10,9 +10,9 @@ from command_line import REGISTA, environment
 class Gateway:
     """`regista teleop` in a process of its own."""
 
-    def __init__(self, *robots, folder):
+    def __init__(self, *robots, folder, options=()):
         self.process = subprocess.Popen(
-            [*REGISTA, "teleop", "--no-browser", "--recordings", folder, *robots],
+            [*REGISTA, "teleop", "--no-browser", "--recordings", folder, *options, *robots],
             stdout=subprocess.PIPE,
             text=True,
             env=environment(),

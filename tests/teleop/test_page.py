@@ -3,11 +3,14 @@
 
 import http.client
 import os
+import subprocess
+import sys
 import urllib.error
 import urllib.request
 from pathlib import Path
 
 import pytest
+from command_line import REGISTA, ROOT, Server, environment, run
 
 AXE = os.environ.get("AXE")
 
@@ -98,3 +101,54 @@ def test_the_keyboard_reaches_everything(shared, visit):
     page.locator("[data-tool=points]").focus()
     page.keyboard.press("Enter")
     assert page.locator("[data-tool=points]").get_attribute("aria-pressed") == "true"
+
+
+def test_robots_have_names_and_addresses_of_all_kinds(robot, start, visit):
+    with Server(ROOT / "examples/sim.cfg", listen="::1") as six:
+        named = type("Named", (), {"robot": f"localhost:{robot.port}"})
+        nobody = type("Nobody", (), {"robot": "no-such-robot.invalid"})
+        page = visit(start(named, six, nobody))
+        page.locator(".chip", has_text=f"[::1]:{six.port}").click()
+        page.locator("#driver", has_text=f"[::1]:{six.port} · driven by nobody").wait_for()
+        page.locator(".chip", has_text="no-such-robot").click()
+        page.locator("#state", has_text="NOT CONNECTED").wait_for()
+        page.locator("#reason", has_text="no-such-robot.invalid").wait_for()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (":6665", "robot ':6665': that is no host"),
+        ("robot7:99999", "the port must be a number from 1 to 65535"),
+        ("robot7:66:65", "too many colons"),
+        ("[::1", "write an IPv6 address with a port as [::1]:6665"),
+        ("http://robot7", "that is no host"),
+    ],
+)
+def test_a_wrong_address_is_refused_in_words(wrong, words):
+    done = run("teleop", "--no-browser", wrong)
+    assert done.returncode == 2
+    assert words in done.stderr and wrong in done.stderr
+
+
+def test_a_robot_that_is_named_twice_is_refused():
+    done = run("teleop", "--no-browser", "robot7", "robot7:6665")
+    assert done.returncode == 2 and "'robot7:6665' is named twice" in done.stderr
+
+
+def test_a_package_without_its_page_says_how_to_get_one(tmp_path):
+    assert REGISTA[0] == sys.executable
+    program = f"""
+import pathlib, regista.teleop
+regista.teleop.PAGE = pathlib.Path({str(tmp_path)!r})
+from regista.cli import main
+main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program, "teleop", "--no-browser"],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 1 and "built without its page" in done.stderr and "REGISTA_PAGE" in done.stderr

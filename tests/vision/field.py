@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulated field, the bridge and robots' servers, each a process as it ships; and a program that drives a robot."""
 
+import functools
 import json
 import math
+import os
 import signal
 import struct
 import subprocess
 import sys
 import threading
 import time
+import tty
 from contextlib import ExitStack, contextmanager
 
 from league import BIN, ROOT, Bridge, free_udp_port, wait_for
@@ -21,6 +24,54 @@ KICKER = 67
 HIDDEN = 0.02  # s of vision's delay that no timestamp shows
 DRIVER = """name "ssl_robot" provides ["position2d:0" "position2d:1" "kicker:0"] rate 200
   speed 1 accel 1.5 vision_sd 0.008"""
+
+
+class Stalls:
+    """How long a byte takes from one end of a pseudo-terminal to the other at worst [s]: the cables of the simulated
+    boards are such. The kernel moves it by a thread that no priority of ours reaches."""
+
+    def __enter__(self):
+        self.worst = 0.0
+        self.running = True
+        self.ends = os.openpty()
+        tty.setraw(self.ends[1])
+        self.thread = threading.Thread(target=self.measure)
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.running = False
+        self.thread.join()
+        for end in self.ends:
+            os.close(end)
+
+    def measure(self):
+        while self.running:
+            sent = time.monotonic()
+            os.write(self.ends[0], b"x")
+            os.read(self.ends[1], 1)
+            self.worst = max(self.worst, time.monotonic() - sent)
+            time.sleep(0.005)
+
+
+def in_real_time(test):
+    """What fails while something else keeps the machine for longer than a motor board waits (50 ms) says nothing of
+    us: it is done again, twice at most."""
+
+    @functools.wraps(test)
+    def patient(tmp_path):
+        for attempt in range(3):
+            folder = tmp_path / str(attempt)
+            folder.mkdir()
+            with Stalls() as stalls:
+                try:
+                    return test(folder)
+                except (AssertionError, TimeoutError):
+                    if stalls.worst < 0.04 or attempt == 2:
+                        raise
+            print(f"again: a pseudo-terminal was held up for {1e3 * stalls.worst:.0f} ms")
+
+    return patient
 
 
 class Simulation:
@@ -143,6 +194,23 @@ class Loop(ExitStack):
             worst = max(worst, self.error(x, y))
         assert worst < within
         return worst
+
+    def drive_directions(self, within):
+        """One metre to each of the eight directions, by way of (-1.5, 0) and back to it: what docs/reproduction.md
+        measures of Holtzhausen's robot. [(error of the direction in degrees, error of the way in m)]"""
+        found = []
+        self.rest_at(-1.5, 0, within)
+        for angle in map(math.radians, (0, 45, 90, 135)):
+            step = (math.cos(angle), math.sin(angle))
+            for sign, (x, y) in ((1, (step[0] - 1.5, step[1])), (-1, (-1.5, 0))):
+                start = self.field.now()["yellow0"]
+                self.pilot.go_to(x, y)
+                self.rest_at(x, y, within)
+                end = self.field.now()["yellow0"]
+                way = (sign * (end[0] - start[0]), sign * (end[1] - start[1]))
+                turn = math.atan2(step[0] * way[1] - step[1] * way[0], step[0] * way[0] + step[1] * way[1])
+                found.append((math.degrees(turn), math.hypot(*way) - 1))
+        return found
 
     def age_quantiles(self):
         """Of the poses at the robot: p50, p99 [s]."""

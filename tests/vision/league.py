@@ -21,7 +21,7 @@ DATA = ROOT / "tests/data"
 
 YELLOW, BLUE = 6, 7  # field numbers in SSL_DetectionFrame
 VISION_GROUP, REFEREE_GROUP = "224.5.23.2", "224.5.23.1"
-COMMAND, REQUEST, ACK, NACK = 2, 3, 4, 6
+DATA_KIND, COMMAND, REQUEST, ACK, NACK = 1, 2, 3, 4, 6
 
 
 # ---- Protocol buffers: tag = number << 3 | type, little-endian
@@ -161,6 +161,7 @@ class Robots:
             self.listeners.append(listener)
         self.ports = [listener.getsockname()[1] for listener in self.listeners]
         self.peers = {}
+        self.peer_of = {}
         self.running = True
         self.thread = threading.Thread(target=self.run)
         self.thread.start()
@@ -186,6 +187,7 @@ class Robots:
         peer, _ = listener.accept()
         peer.sendall(b"Player v.3.1.0".ljust(32, b"\0"))
         self.peers[peer] = b""
+        self.peer_of[peer] = number
         self.selector.register(peer, selectors.EVENT_READ, (self.read, number))
 
     def read(self, peer, number):
@@ -199,7 +201,7 @@ class Robots:
             more = b""
         if not more:
             self.selector.unregister(peer)
-            del self.peers[peer]
+            del self.peers[peer], self.peer_of[peer]
             peer.close()
             return
         data = self.peers[peer] + more
@@ -219,6 +221,14 @@ class Robots:
                 peer.sendall(struct.pack(">6IdII", *header) + answer)
         self.peers[peer] = data
 
+    def tell_turn(self, number, rate):
+        """As the robot's odometry: position2d:0 turns at `rate` [rad/s] now."""
+        body = struct.pack(">6dI", 0, 0, 0, 0, 0, rate, 0)
+        header = struct.pack(">6IdII", 0, 0, 4, 0, DATA_KIND, 1, time.time(), 0, len(body))
+        for peer, of in list(self.peer_of.items()):
+            if of == number:
+                peer.sendall(header + body)
+
     def command(self, number, interface, index, subtype, body, now):
         assert (interface, subtype) == (4, 1), "only velocity commands of position2d"
         if index == 0:
@@ -235,13 +245,15 @@ class Robots:
 class Bridge:
     """regista-vision-bridge on lo, on ports of its own. robots: [(team, id, port)], or with the device's index."""
 
-    def __init__(self, folder, robots, keys="", arguments=(), vision_port=None):
+    def __init__(self, folder, robots, keys="", arguments=(), vision_port=None, usual_tracked_port=False):
+        """A port of 0: any; None: the one that everybody uses."""
         self.vision_port, self.referee_port, self.tracked_port = (free_udp_port() for _ in range(3))
         self.vision_port = vision_port or self.vision_port
+        tracked_key = "" if usual_tracked_port else f"tracked_port {self.tracked_port}"
         config = folder / "bridge.cfg"
         lines = [
             f'vision ( interfaces ["lo"] port {self.vision_port} referee_port {self.referee_port}',
-            f"tracked_port {self.tracked_port} status_port 0 {keys} )",
+            f"{tracked_key} status_port 0 {keys} )",
         ]
         for team, robot, port, *index in robots:
             index = index[0] if index else 1

@@ -3,9 +3,12 @@
 
 import contextlib
 import itertools
+import math
+import socket
 import subprocess
 import sys
 import time
+from random import Random
 
 import pytest
 from league import (
@@ -20,6 +23,7 @@ from league import (
     records,
     referee,
     tracked,
+    unpack,
     wait_for,
 )
 
@@ -39,12 +43,12 @@ def pace(begin, period):
         beat += 1
 
 
-def play(bridge, seconds, robots, rate=60, clock=0.0):
+def play(bridge, seconds, robots, rate=60, clock=0.0, balls=()):
     """One camera that sees robots stand."""
     for beat in pace(time.monotonic(), 1 / rate):
         if beat > seconds * rate:
             return
-        bridge.vision.send(detection(0, beat, clock + beat / rate, robots))
+        bridge.vision.send(detection(0, beat, clock + beat / rate, robots, balls))
 
 
 def test_recorded_vision_reaches_every_robot(tmp_path):
@@ -90,6 +94,56 @@ def test_recorded_vision_reaches_every_robot(tmp_path):
     assert status["undecodable"] == 0
     assert 'regista_vision_cameras_rate_hz{id="0"}' in prometheus
     assert 'regista_vision_robots_latency_us_p99{id="yellow 3"}' in prometheus
+
+
+def turn_about(bridge, robots, count, seconds, hidden, rate=3.0):
+    """Robots that turn to and fro, at 0.8 Hz and `rate` [rad/s] at most, and tell so; a camera with the noise of a real
+    one, 8 ms of work for a frame, and `hidden` [s] that it does not tell."""
+    random = Random(1)
+    beat_w = 2 * math.pi * 0.8
+    begin = time.monotonic()
+    for beat in pace(begin, 1 / 75):
+        t = time.monotonic()
+        if t - begin > seconds:
+            return
+        for robot in range(count):
+            robots.tell_turn(robot, rate * math.cos(beat_w * t + robot))
+        seen = [
+            (
+                YELLOW,
+                robot,
+                robot + random.gauss(0, 0.002),
+                0,
+                rate / beat_w * math.sin(beat_w * (t - 0.008 - hidden) + robot) + random.gauss(0, 0.01),
+            )
+            for robot in range(count)
+            if random.random() > 0.02
+        ]
+        bridge.vision.send(detection(0, beat, t - 0.008, seen, t_sent=t))
+
+
+def test_the_delay_that_no_timestamp_shows_is_learnt(tmp_path):
+    hidden, count = 0.033, 4
+    with Robots(count) as robots:
+        addresses = [("yellow", robot, port) for robot, port in enumerate(robots.ports)]
+        with Bridge(tmp_path, addresses) as bridge:
+            bridge.connected()
+            turn_about(bridge, robots, count, 2, hidden, rate=0.0)
+            assert bridge.status()["delay"] == {"ms": 0, "told": False, "learnt": False}, "nothing moves, nothing shows"
+            turn_about(bridge, robots, count, 6, hidden)
+            learnt = wait_for(lambda: (status := bridge.status()["delay"])["learnt"] and status)
+            assert "vision takes " in bridge.log()
+            assert "regista_vision_delay_ms" in bridge.get("/metrics")
+            robots.poses[0].clear()
+            turn_about(bridge, robots, count, 0.5, hidden)
+            ages = sorted(pose[4] for pose in robots.poses[0])
+        print(f"{1e3 * hidden} ms that no timestamp shows:", learnt)
+        assert abs(learnt["ms"] - 1e3 * hidden) < 3
+        assert 0.037 < ages[len(ages) // 2] < 0.045 + NOISE
+        with Bridge(tmp_path, addresses, keys="delay 0.005") as bridge:
+            bridge.connected()
+            turn_about(bridge, robots, count, 3, hidden)
+            assert bridge.status()["delay"] == {"ms": 5, "told": True}
 
 
 def test_robots_are_told_through_a_real_server(tmp_path):
@@ -171,6 +225,38 @@ def test_tracked_vision_is_passed_on_and_published(tmp_path):
         _, x, y, heading, age = robots.poses[0][0]
         assert (x, y, heading) == (1.5, -2, 0.5)
         assert 0.03 <= age < 0.03 + NOISE
+
+
+def test_tracked_vision_is_published_where_the_league_looks_for_it(tmp_path):
+    """On 224.5.23.2:10010, read here by the numbers of the league's schema."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
+        heard.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        heard.bind(("224.5.23.2", 10010))
+        heard.setsockopt(
+            socket.IPPROTO_IP,
+            socket.IP_ADD_MEMBERSHIP,
+            socket.inet_aton("224.5.23.2") + socket.inet_aton("127.0.0.1"),
+        )
+        heard.settimeout(5)
+        with Bridge(tmp_path, [], keys='publish ["lo"] delay 0', usual_tracked_port=True) as bridge:
+            begin = time.time()
+            play(bridge, 0.5, [(BLUE, 13, 1.234, -2.5, 0.75)], balls=[(0.5, -0.25)])
+            for _ in range(1000):  # others may publish there, too
+                wrapper = dict(unpack(heard.recv(65536)))
+                frame = unpack(wrapper[3])
+                robots = [unpack(value) for number, value in frame if number == 4]
+                if robots and dict(unpack(dict(robots[0])[1])) == {1: 13, 2: 2}:
+                    break
+    assert wrapper[2] == b"regista" and len(wrapper[1]) == 36
+    (robot,) = map(dict, robots)
+    assert [value for _, value in unpack(robot[2])] == pytest.approx([1.234, -2.5], abs=1e-3)  # metres
+    assert robot[3] == pytest.approx(0.75, abs=1e-3)
+    assert [value for _, value in unpack(robot[4])] == pytest.approx([0, 0], abs=0.05)
+    assert robot[6] == pytest.approx(1)  # visibility
+    fields = dict(frame)
+    assert begin <= fields[2] <= time.time(), "Unix time"
+    ball = dict(unpack(fields[3]))
+    assert [value for _, value in unpack(ball[1])][:2] == pytest.approx([0.5, -0.25], abs=1e-3)
 
 
 def test_what_is_recorded_replays(tmp_path):

@@ -85,10 +85,14 @@ Bridge::Bridge(BridgeConfig config, const Options& options, Log log)
         std::make_unique<StatusServer>(*config_.status_port, [this] { return status(Clock::now()).dump(); });
     log_(LogLevel::info, "status on http://127.0.0.1:" + std::to_string(status_server_->port()) + "/");
   }
+  // Of tracked vision no image's time is known, and a log's robots turned when it was recorded.
+  if (config_.learn_delay && config_.input == BridgeConfig::Input::vision && !options.replay)
+    delay_ = std::make_unique<DelayEstimator>();
   for (const RobotAddress& address : config_.robots) {
-    links_.emplace_back(address, [this](bool is_warning, const std::string& text) {
+    const auto say = [this](bool is_warning, const std::string& text) {
       log_(is_warning ? LogLevel::warning : LogLevel::info, text);
-    });
+    };
+    links_.emplace_back(address, say, delay_ ? listen_to_turns(address.id) : nullptr);
     link_of(address.id) = &links_.back();
   }
 }
@@ -106,9 +110,7 @@ void Bridge::listen(ssl::LogType type, const ssl::Group& group) {
 
 void Bridge::stop() noexcept { (void)::eventfd_write(stop_.get(), 1); }
 
-RobotLink*& Bridge::link_of(ssl::RobotId id) {
-  return by_id_[id.number + (id.team == ssl::Team::blue ? std::size_t{ssl::robots_per_team} : 0)];
-}
+RobotLink*& Bridge::link_of(ssl::RobotId id) { return by_id_[ssl::index(id)]; }
 
 // ---- The loop
 
@@ -183,6 +185,7 @@ void Bridge::on_time(Time now) {
   if (now - checked_ >= check_period) {
     checked_ = now;
     announce_cameras(now);
+    if (delay_) use_delay();
     std::set<std::string> current;
     for (const std::string& warning : warnings(now)) {
       if (!warned_.contains(warning)) log_(LogLevel::warning, warning);
@@ -231,6 +234,7 @@ void Bridge::take_vision(const ssl::MulticastReceiver::Datagram& datagram, Time 
   const Verdict verdict = tracker_.take(frame, source, arrival);
   if (verdict == Verdict::too_many) return;
   heard(frame.camera, source).interfaces.insert(datagram.interface);
+  if (delay_ && verdict == Verdict::taken) learn_delay(frame);
   for (const ssl::RobotId id : tracker_.corrected()) {
     RobotLink* link = link_of(id);
     if (link == nullptr) continue;
@@ -245,6 +249,32 @@ Bridge::Heard& Bridge::heard(std::uint32_t camera, std::uint64_t source) {
   if (known != heard_.end()) return *known;
   if (heard_.size() == 2 * max_cameras) heard_.erase(heard_.begin());
   return heard_.emplace_back(Heard{.camera = camera, .source = source, .interfaces = {}});
+}
+
+RobotLink::OnTurn Bridge::listen_to_turns(ssl::RobotId id) {
+  return [this, id](double rate_radps, double stamp_s, Time arrival, Duration way) {
+    delay_->turning(id, rate_radps, stamp_s, arrival, way);
+  };
+}
+
+/// From headings as cameras see them: what is filtered lags by itself. Misread ones are far off.
+void Bridge::learn_delay(const ssl::Detection& frame) {
+  constexpr double misread_rad = 0.5;
+  const Time captured = tracker_.captured() + tracker_.delay();
+  for (const ssl::DetectedRobot& seen : frame.robots) {
+    if (link_of(seen.id) == nullptr || !seen.heading_rad) continue;
+    const auto robot = tracker_.predict(seen.id, tracker_.captured());
+    if (robot && std::abs(angle_between(robot->pose.heading, *seen.heading_rad)) < misread_rad)
+      delay_->seen(seen.id, frame.camera, *seen.heading_rad, captured);
+  }
+}
+
+void Bridge::use_delay() {
+  const auto learnt = delay_->estimate();
+  if (!learnt) return;
+  if (!std::exchange(delay_known_, true))
+    log_(LogLevel::info, "vision takes " + rounded(1e3 * seconds(learnt->delay)) + " ms beyond its timestamps");
+  tracker_.set_delay(learnt->delay);
 }
 
 /// Somebody else has filtered: passed on as it is. Its times are Unix times of a clock that nobody has compared with
@@ -264,7 +294,7 @@ void Bridge::take_tracked(std::span<const std::byte> bytes, Time arrival) {
   tracker_heard_ = arrival;
   for (const ssl::TrackedRobot& robot : frame->robots) {
     if (RobotLink* link = link_of(robot.id); link != nullptr && robot.visibility > 0)
-      link->offer(robot.pose, arrival - config_.tracking.delay, arrival);
+      link->offer(robot.pose, arrival - tracker_.delay(), arrival);
   }
 }
 
@@ -410,11 +440,20 @@ ordered_json Bridge::status(Time now) const {
     }
     robots.push_back(std::move(robot));
   }
+  ordered_json delay{{"ms", 1e3 * seconds(tracker_.delay())}, {"told", !config_.learn_delay}};
+  if (delay_) {
+    delay["learnt"] = delay_known_;
+    if (const auto learnt = delay_->estimate(); learnt && delay_known_) {
+      delay["sd_ms"] = 1e3 * seconds(learnt->sd);
+      delay["turns"] = learnt->turns;
+    }
+  }
   const TrackerCounters& counters = tracker_.counters();
   ordered_json status{{"version", REGISTA_VERSION},
                       {"uptime_s", seconds(now - started_)},
                       {"warnings", warnings(now)},
                       {"undecodable", undecodable_},
+                      {"delay", std::move(delay)},
                       {"cameras", std::move(cameras)},
                       {"robots", std::move(robots)},
                       {"refused",

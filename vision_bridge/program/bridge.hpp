@@ -6,6 +6,7 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <regista/ssl/referee.hpp>
+#include <regista/vision/delay_estimator.hpp>
 #include <set>
 
 #include "recorder.hpp"
@@ -50,6 +51,7 @@ class Bridge {
     bool announced = false;
   };
 
+  [[nodiscard]] RobotLink::OnTurn listen_to_turns(ssl::RobotId id);
   void listen(ssl::LogType type, const ssl::Group& group);
   void receive(Stream& stream, Time now);
   void take(ssl::LogType type, const ssl::MulticastReceiver::Datagram& datagram, Time arrival);
@@ -58,6 +60,8 @@ class Bridge {
   void take_referee(std::span<const std::byte> bytes, Time arrival);
   Heard& heard(std::uint32_t camera, std::uint64_t source);
   RobotLink*& link_of(ssl::RobotId id);
+  void learn_delay(const ssl::Detection& frame);
+  void use_delay();
   void publish(Time now);
   void replay_due(Time now);
   void on_time(Time now);
@@ -79,8 +83,10 @@ class Bridge {
 
   ssl::VisionDecoder decoder_;
   Tracker tracker_;
+  std::unique_ptr<DelayEstimator> delay_;  ///< none: it is not learnt
+  bool delay_known_ = false;
   std::list<RobotLink> links_;
-  std::array<RobotLink*, std::size_t{2} * ssl::robots_per_team> by_id_{};
+  std::array<RobotLink*, ssl::most_robots> by_id_{};
   std::vector<Heard> heard_;
 
   std::string own_uuid_;

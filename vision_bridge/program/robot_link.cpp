@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "robot_link.hpp"
 
+#include <linux/tcp.h>  // which knows tcpi_min_rtt
 #include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -29,10 +29,11 @@ double Quantiles::at(double share) const {
   return *nth;
 }
 
-RobotLink::RobotLink(const RobotAddress& address, Log log)
+RobotLink::RobotLink(const RobotAddress& address, Log log, OnTurn on_turn)
     : address_{address},
       device_{position2d::code, address.index},
       log_{std::move(log)},
+      on_turn_{std::move(on_turn)},
       connection_{address.host, address.port, client::Options{.timeout = 1s, .name = "vision-bridge"}} {
   // Only who has subscribed a device may command it.
   (void)connection_.subscribe(device_, [](const xdr::Header&, const AnyData&, Time) {});
@@ -90,6 +91,7 @@ void RobotLink::service() {
   }
   if (const auto taken = connection_.read(0ms); !taken) return lose(taken.error().message());
   if (connected() && !greeted_) greet();
+  if (greeted_ && on_turn_ && !motion_asked_ && !connection_.request_pending()) ask_motion();
   flush();
 }
 
@@ -108,9 +110,31 @@ void RobotLink::greet() {
                   (connection_.extended() ? "" : ", a stock server"));
 }
 
+/// Not before: a robot without that device takes poses all the same.
+void RobotLink::ask_motion() {
+  motion_asked_ = true;
+  if (!address_.motion) return;
+  const client::Address motion{position2d::code, *address_.motion};
+  const auto take = [this](const xdr::Header& header, const AnyData& data, Time arrival) {
+    if (const auto* state = std::get_if<position2d::State>(&data))
+      on_turn_(state->velocity.w, header.timestamp_s, arrival, way());
+  };
+  (void)connection_.subscribe(motion, take, [this, motion](const Result<std::string>& driver) {
+    if (!driver) log_(true, to_string(address_.id) + ": " + to_string(motion) + ": " + driver.error().message());
+  });
+}
+
+Duration RobotLink::way() const {
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  if (::getsockopt(connection_.fileno(), IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return {};
+  return std::chrono::microseconds{info.tcpi_min_rtt} / 2;
+}
+
 /// Said once for each reason.
 void RobotLink::lose(const std::string& why) {
-  greeted_ = false;
+  greeted_ = motion_asked_ = false;
+  if (address_.motion) (void)connection_.unsubscribe({position2d::code, *address_.motion});
   pending_.reset();
   back_off_ = std::clamp(2 * back_off_, first_back_off, longest_back_off);
   retry_at_ = Clock::now() + back_off_;

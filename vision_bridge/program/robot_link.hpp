@@ -29,7 +29,11 @@ class RobotLink {
  public:
   using Log = std::function<void(bool is_warning, const std::string& text)>;
 
-  RobotLink(const RobotAddress& address, Log log);
+  /// The robot turned at `rate_radps` when its server's clock said `stamp_s`. `way`: half the shortest round trip.
+  using OnTurn = std::function<void(double rate_radps, double stamp_s, Time arrival, Duration way)>;
+
+  /// `on_turn`: empty for who does not want to know.
+  RobotLink(const RobotAddress& address, Log log, OnTurn on_turn);
 
   /// The robot was there when the image was taken that came at `arrival`.
   void offer(const Pose2d& pose, Time captured, Time arrival);
@@ -62,14 +66,18 @@ class RobotLink {
   };
 
   void greet();
+  void ask_motion();
+  [[nodiscard]] Duration way() const;
   void lose(const std::string& why);
   void flush();
 
   RobotAddress address_;
   client::Address device_;
   Log log_;
+  OnTurn on_turn_;
   std::optional<Pending> pending_;
   bool greeted_ = false;
+  bool motion_asked_ = false;
   std::optional<Time> retry_at_{Time{}};  ///< empty: connecting or connected
   Duration back_off_{};
   std::string last_failure_;

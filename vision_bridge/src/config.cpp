@@ -29,6 +29,7 @@ void read_vision(const Section& section, BridgeConfig& config) {
   }
   if (section.has("status_port"))
     config.status_port = static_cast<std::uint16_t>(section.integer("status_port", {.min = 0, .max = 65535}));
+  config.learn_delay = !section.has("delay");
   config.tracking.delay = section.duration("delay", config.tracking.delay, {.max = 0.5});
   config.tracking.frames_to_show =
       static_cast<int>(section.integer("frames_to_show", config.tracking.frames_to_show, {.min = 2, .max = 100}));
@@ -45,6 +46,11 @@ RobotAddress read_robot(const Section& section) {
   robot.host = section.text("host");
   robot.port = static_cast<std::uint16_t>(section.integer("port", robot.port, {.min = 1, .max = 65535}));
   robot.index = static_cast<std::uint16_t>(section.integer("index", robot.index, {.min = 0, .max = 65535}));
+  // A robot with one position2d for all does not tell how it turns.
+  if (robot.index == 0) robot.motion.reset();
+  if (section.has("motion"))
+    robot.motion = static_cast<std::uint16_t>(section.integer("motion", {.min = 0, .max = 65535}));
+  if (robot.motion == robot.index) throw section.error("motion", "must be another position2d than 'index'");
   section.check_unused();
   return robot;
 }

@@ -37,10 +37,10 @@ using Angle = Fusion<1>::Value;
 
 Tracker::Tracker(const TrackerConfig& config)
     : config_{config},
-      robots_(max_robots,
+      robots_(ssl::most_robots,
               Robot{.position = Fusion<2>{config.position}, .heading = Fusion<1>{config.heading}, .candidate = {}}),
       ball_{.position = Fusion<2>{config.ball}, .candidate = {}} {
-  corrected_.reserve(max_robots);
+  corrected_.reserve(ssl::most_robots);
 }
 
 void Tracker::take(const ssl::Geometry& geometry) {
@@ -86,7 +86,7 @@ Verdict Tracker::take(const ssl::Detection& frame, std::uint64_t source, Time ar
     ++camera.report.late;
     return Verdict::late;
   }
-  camera.captured = now;
+  camera.captured = captured_ = now;
   camera.report.processing_s += 0.05 * (frame.t_sent_s - frame.t_capture_s - camera.report.processing_s);
   if (is_mirrored(frame, now)) {
     ++camera.report.mirrored;

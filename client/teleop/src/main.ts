@@ -17,7 +17,7 @@ import {
 } from "./input";
 import { color, FieldMap, type Tool } from "./map";
 import { Plots } from "./plots";
-import type { FromGateway, FromWorker, Point, ToWorker, Velocity } from "./protocol";
+import type { FromGateway, FromWorker, Motion, Playing, Point, ToWorker, Velocity } from "./protocol";
 import { type Entry, type Robot, World } from "./robots";
 
 function element<T extends HTMLElement = HTMLElement>(id: string): T {
@@ -68,6 +68,7 @@ let taken = false;
 let pageRoundTrip: number | null = null; // ms
 let recording: { files: string[]; bytes: number; dropped: number; trouble: string } | null = null;
 let playable: string[] = [];
+let playing: Playing | null = null;
 let questions = 0;
 const answers = new Map<number, (error: string | null) => void>();
 
@@ -124,6 +125,7 @@ function take(message: FromGateway): void {
       myName = message.name;
       world.robots.clear();
       world.chosen = null;
+      playing = null;
       break;
     case "controls":
       yours = message.yours;
@@ -137,10 +139,12 @@ function take(message: FromGateway): void {
         wanted = "";
         if (world.chosen !== message.robot) choose(message.robot);
       }
+      if (message.t === "gone" && message.robot === playing?.robot) playing = null;
       drawRobots();
       drawFields();
       drawPanels();
       drawRecording();
+      drawPlayer();
       drawLog();
       if (message.t === "robot" && message.connected) suggestPlot();
       break;
@@ -159,6 +163,10 @@ function take(message: FromGateway): void {
     case "recording":
       recording = message.files.length > 0 ? message : null;
       drawRecording();
+      break;
+    case "playing":
+      playing = message;
+      drawPlayer();
       break;
     case "playable":
       playable = message.files;
@@ -474,8 +482,8 @@ function choose(number: number): void {
 
 function go(points: Point[]): void {
   const robot = world.robot;
-  if (!robot?.base || points.length === 0) return;
-  ask({ t: "go", robot: robot.number, device: robot.base, points, alone: isPressed("alone") });
+  if (!robot?.destined || points.length === 0) return;
+  ask({ t: "go", robot: robot.number, device: robot.destined, points, alone: isPressed("alone") });
 }
 function formPoint(): Point {
   const [x, y, heading] = ["go-x", "go-y", "go-heading"].map((id) => element<HTMLInputElement>(id).value);
@@ -493,11 +501,11 @@ element("mission-start").addEventListener("click", () => {
   go(map.draft);
   map.draft = [];
 });
-element("mission-pause").addEventListener("click", () => askRobot("pause", world.robot?.base));
-element("mission-resume").addEventListener("click", () => askRobot("resume", world.robot?.base));
+element("mission-pause").addEventListener("click", () => askRobot("pause", world.robot?.destined));
+element("mission-resume").addEventListener("click", () => askRobot("resume", world.robot?.destined));
 element("mission-cancel").addEventListener("click", () => {
   map.draft = [];
-  askRobot("cancel", world.robot?.base);
+  askRobot("cancel", world.robot?.destined);
   drawMission();
 });
 
@@ -510,7 +518,7 @@ function describe([x, y, heading]: Point): string {
 
 function drawMission(): void {
   const robot = world.robot;
-  const mission = robot?.base ? robot.missions.get(robot.base) : undefined;
+  const mission = robot?.mission;
   const drafting = map.draft.length > 0;
   const points = drafting ? map.draft : (mission?.points ?? []);
   const count = mission && mission.points.length > 1 ? ` ${mission.index} of ${mission.points.length}` : "";
@@ -519,31 +527,12 @@ function drawMission(): void {
   element("mission-state").dataset.state = drafting ? "" : (mission?.state ?? "");
   element<HTMLProgressElement>("progress").hidden = drafting || !mission || mission.points.length < 2;
   element<HTMLProgressElement>("progress").value = mission ? mission.index / mission.points.length : 0;
-  const swap = (a: number, b: number) => {
-    const [one, other] = [map.draft[a], map.draft[b]];
-    if (!one || !other) return;
-    map.draft[a] = other;
-    map.draft[b] = one;
-    drawMission();
-  };
-  element("points").replaceChildren(
-    ...points.map((point, i) => {
-      const item = make("li");
-      item.append(make("span", describe(point)));
-      if (!drafting) {
-        item.className = mission && i < mission.index ? "reached" : "";
-        return item;
-      }
-      const up = button("↑", `Way-point ${i + 1} earlier`, () => swap(i, i - 1));
-      const down = button("↓", `Way-point ${i + 1} later`, () => swap(i, i + 1));
-      const away = button("×", `Remove way-point ${i + 1}`, () => {
-        map.draft.splice(i, 1);
-        drawMission();
-      });
-      item.append(up, down, away);
-      return item;
-    }),
-  );
+  // Anew only when it changed: what has the focus keeps it.
+  const first = drafting ? 0 : Math.max(0, (mission?.index ?? 0) - 3);
+  const listed = drafting ? points : points.slice(first, first + MOST_LISTED);
+  const now = JSON.stringify([drafting, first, mission?.index, listed, robot?.geographic(0, 0)]);
+  if (now !== drawnPoints) drawPoints(listed, first, drafting, mission?.index ?? 0);
+  drawnPoints = now;
   const show = (id: string, on: boolean) => {
     element(id).hidden = !on;
   };
@@ -551,6 +540,41 @@ function drawMission(): void {
   show("mission-pause", !drafting && mission?.state === "running");
   show("mission-resume", !drafting && (mission?.state === "paused" || mission?.state === "failed"));
   show("mission-cancel", drafting || mission !== undefined);
+}
+
+const MOST_LISTED = 100;
+let drawnPoints = "";
+function drawPoints(points: Point[], first: number, drafting: boolean, index: number): void {
+  const swap = (a: number, b: number) => {
+    const [one, other] = [map.draft[a], map.draft[b]];
+    if (!one || !other) return;
+    map.draft[a] = other;
+    map.draft[b] = one;
+    drawMission();
+    element("points").querySelectorAll<HTMLElement>(`[data-point="${b}"]`)[b < a ? 0 : 1]?.focus();
+  };
+  const list = element<HTMLOListElement>("points");
+  list.start = first + 1;
+  list.replaceChildren(
+    ...points.map((point, i) => {
+      const item = make("li");
+      item.append(make("span", describe(point)));
+      if (!drafting) {
+        item.className = first + i < index ? "reached" : "";
+        return item;
+      }
+      const up = button("↑", `Way-point ${i + 1} earlier`, () => swap(i, i - 1));
+      const down = button("↓", `Way-point ${i + 1} later`, () => swap(i, i + 1));
+      const away = button("×", `Remove way-point ${i + 1}`, () => {
+        map.draft.splice(i, 1);
+        drawMission();
+        (element("points").querySelectorAll<HTMLElement>(`[data-point="${i}"]`)[2] ?? element("go-add")).focus();
+      });
+      for (const one of [up, down, away]) one.dataset.point = String(i);
+      item.append(up, down, away);
+      return item;
+    }),
+  );
 }
 
 // ---- Plots and recordings
@@ -588,6 +612,34 @@ element("play").addEventListener("click", () => {
   if (file) ask({ t: "play", file });
 });
 element("end-play").addEventListener("click", () => ask({ t: "end_play" }));
+
+const playerAt = element<HTMLInputElement>("player-at");
+let grabbed = false; // the slider is where the hand is
+element("player-pause").addEventListener("click", () =>
+  ask({ t: "steer", rate: playing?.rate === 0 ? Number(element<HTMLSelectElement>("player-rate").value) : 0 }),
+);
+element("player-rate").addEventListener("change", () => {
+  if (playing?.rate !== 0) ask({ t: "steer", rate: Number(element<HTMLSelectElement>("player-rate").value) });
+});
+playerAt.addEventListener("input", () => {
+  grabbed = true;
+});
+playerAt.addEventListener("change", () => {
+  grabbed = false;
+  ask({ t: "steer", at: Number(playerAt.value) });
+});
+function drawPlayer(): void {
+  element("player").hidden = !playing;
+  if (!playing) return;
+  const { at, length, rate } = playing;
+  press("player-pause", rate === 0);
+  setText("player-pause", rate === 0 ? "Go on" : "Pause");
+  playerAt.max = String(length);
+  if (!grabbed) playerAt.value = String(at);
+  const place = `${at.toFixed(1)} of ${length.toFixed(1)} s`;
+  playerAt.setAttribute("aria-valuetext", place);
+  setText("player-text", place);
+}
 
 function drawRecording(): void {
   press("record", recording !== null);
@@ -668,16 +720,34 @@ function standing(robot: Robot | null): Standing {
   }
   const motion = robot.motion(base);
   if (!motion) return { state: "…", driver: robot.label, reason: "", level: "idle" };
-  const owner = motion.owner === myName ? "you" : motion.owner || "nobody";
   const levels = { driving: "good", stopping: "warn", stopped: "idle", fault: "bad" } as const;
-  const reason = motion.state === "driving" ? "" : motion.reason;
-  const priority = motion.owner && owner !== "you" ? ` (priority ${motion.owner_priority})` : "";
+  const reasons = motion.state === "driving" ? [] : [motion.reason];
+  const { mission, planner } = robot;
+  if (planner && mission && motion.state === "stopped" && !motion.owner && mission.state !== "running")
+    reasons.unshift(`mission ${mission.state}${mission.reason && `: ${mission.reason}`}`);
   return {
     state: motion.state.toUpperCase(),
-    driver: `${robot.label} · driven by ${owner}${priority}`,
-    reason,
-    level: /no command for/.test(reason) ? "warn" : levels[motion.state],
+    driver: `${robot.label} · driven by ${driverOf(robot, motion)}`,
+    reason: reasons.join(" · "),
+    level: reasons.some((reason) => /^no command for/.test(reason)) ? "warn" : levels[motion.state],
   };
+}
+
+function driverOf(robot: Robot, motion: Motion): string {
+  const { planner } = robot;
+  const mission = planner ? robot.motion(planner, "mission") : undefined;
+  const who = ({ owner, owner_priority }: Motion) =>
+    owner === myName ? "you" : owner ? `${owner} (priority ${owner_priority})` : "nobody";
+  if (planner && mission?.owner && motion.owner === robot.driver(planner)?.name)
+    return `${planner} for ${who(mission)}`;
+  return who(motion);
+}
+
+/** Whom to take it from, or to give it back: the base, or the mission that drives it, has an owner. */
+function owners(robot: Robot | null): string[] {
+  if (!robot?.base) return [];
+  const motions = [robot.motion(robot.base), robot.planner ? robot.motion(robot.planner, "mission") : undefined];
+  return motions.flatMap((motion) => (motion?.owner ? [motion.owner] : []));
 }
 
 function drawPanels(): void {
@@ -688,11 +758,10 @@ function drawPanels(): void {
   setText("driver", now.driver);
   setText("reason", now.reason);
   const base = robot?.base ?? null;
-  const motion = base ? robot?.motion(base) : undefined;
-  const mine = motion?.owner === myName;
+  const mine = owners(robot).includes(myName);
   element("controls").hidden = !connected || yours;
   setText("controls", taken ? "Another page drives: take the controls" : "Take the controls");
-  element("take").hidden = !yours || !motion?.owner || mine;
+  element("take").hidden = !yours || owners(robot).length === 0 || mine;
   element("give").hidden = !yours || !mine;
   const select = element<HTMLSelectElement>("base");
   const bases = robot?.bases() ?? [];
@@ -807,14 +876,16 @@ function drawHealth(robot: Robot | null, base: string | null): void {
       const age = seen === null ? "" : `, seen ${milliseconds(seen * 1000)} ago`;
       facts.push(["Vision", robot.vision + age, /good|unused/.test(robot.vision) ? "" : "warn"]);
     }
+    if (robot.place) facts.push(["Place", robot.place, /^tracking/.test(robot.place) ? "" : "warn"]);
     if (world.visionTrouble) facts.push(["Cameras", world.visionTrouble, "warn"]);
     const gps = robot.device("gps")?.address;
     if (gps && robot.get(gps, "quality") !== null) {
       const fix = ["no fix", "GPS", "differential"][robot.get(gps, "quality") ?? 0] ?? "fix";
       const error = robot.get(gps, "horizontal_error_m");
+      const within = error === null ? "" : `, ±${error.toFixed(2)} m`;
       facts.push([
         "GPS",
-        `${fix}, ${robot.get(gps, "satellites")} satellites, ±${error?.toFixed(2)} m`,
+        `${fix}, ${robot.get(gps, "satellites") ?? "?"} satellites${within}`,
         fix === "no fix" ? "bad" : "",
       ]);
       const degrees = ["latitude", "longitude"].map((path) => ((robot.get(gps, path) ?? 0) / 1e7).toFixed(6));
@@ -824,7 +895,8 @@ function drawHealth(robot: Robot | null, base: string | null): void {
     const driver = robot.driver(base);
     if (driver) {
       const { p50, p99 } = driver.jitter_us;
-      facts.push(["Beat", `${driver.rate_hz.toFixed(0)} Hz, jitter p50 ${p50.toFixed(0)} p99 ${p99.toFixed(0)} µs`]);
+      const number = (value: number | null) => value?.toFixed(0) ?? "?";
+      facts.push(["Beat", `${number(driver.rate_hz)} Hz, jitter p50 ${number(p50)} p99 ${number(p99)} µs`]);
     }
   }
   for (const driver of robot?.drivers ?? []) {
@@ -883,11 +955,12 @@ element("theme").addEventListener("click", () => {
 
 drawMapping();
 drawPanels();
+drawPlayer();
 setInterval(drawPanels, 100);
 function frame(now: number): void {
+  requestAnimationFrame(frame);
   map.draw(now);
   plots.draw();
-  requestAnimationFrame(frame);
 }
 requestAnimationFrame(frame);
 

@@ -328,7 +328,7 @@ export class FieldMap {
   #missions(robot: Robot): void {
     for (const [device, mission] of robot.missions) {
       if (mission.state === "done") continue;
-      const start = device === robot.base ? robot.pose : null;
+      const start = device === robot.destined ? robot.pose : null;
       this.#points(mission.points, mission.index, color(robot.number), start);
     }
   }
@@ -412,14 +412,15 @@ export class FieldMap {
       number,
     ];
     const chosen = robot.number === this.world.chosen;
-    const age = robot.age(robot.base, now);
+    const age = robot.age(robot.placed ?? robot.base, now);
     const stale = !robot.connected || age === null || age > 0.5;
 
-    const covariance = robot.covariance;
-    if (covariance) {
-      const { a, b, angle } = ellipse(covariance);
+    const belief = robot.belief;
+    if (belief) {
+      const { a, b, angle } = ellipse(belief);
+      const centre = this.toScreen(belief.x, belief.y);
       context.beginPath();
-      context.ellipse(at.x, at.y, a * this.#scale, b * this.#scale, -angle, 0, 2 * Math.PI);
+      context.ellipse(centre.x, centre.y, a * this.#scale, b * this.#scale, -angle, 0, 2 * Math.PI);
       context.fillStyle = color(robot.number);
       context.globalAlpha = 0.15;
       context.fill();

@@ -37,6 +37,7 @@ export interface Driver {
   devices: { device: string; motion: Motion[] }[];
 }
 
+/** Of a planner, or else of a base. */
 export interface Mission {
   points: Point[];
   index: number;
@@ -49,6 +50,15 @@ export interface Field {
   length_m: number; // of the playing field, along x
   width_m: number; // along y
   boundary_m: number; // around it
+}
+
+/** A recording that is played as a robot. */
+export interface Playing {
+  robot: number;
+  file: string;
+  at: number; // s
+  length: number; // s
+  rate: number; // of the time that it took, 0: pause
 }
 
 type FromRobot = { robot: number };
@@ -66,13 +76,14 @@ export type FromGateway =
       streams: { device: string; name: string; paths: string[] }[];
     })
   | (FromRobot & { t: "gone" })
-  | (FromRobot & { t: "status"; round_trip_s: number; drivers: Driver[]; vision?: string })
+  | (FromRobot & { t: "status"; round_trip_s: number; drivers: Driver[]; vision?: string; place?: string })
   | (FromRobot & { t: "event"; severity: number; text: string })
   | (FromRobot & { t: "mission"; device: string } & Mission)
   // Of each stream that has news: its number, age [s] and values.
   | { t: "frame"; at: number; robots: [robot: number, rows: (number | null)[][]][] }
   | { t: "vision"; field?: Field; ball?: [x: number, y: number]; why: string }
   | { t: "recording"; files: string[]; bytes: number; dropped: number; trouble: string }
+  | ({ t: "playing" } & Playing)
   | { t: "playable"; files: string[] }
   | { t: "stopped" } // somebody pressed STOP: what is held counts no more
   | { t: "reply"; n: number; error: string | null }

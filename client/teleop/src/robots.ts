@@ -55,6 +55,7 @@ export class Robot {
   drivers: Driver[] = [];
   roundTrip: number | null = null; // s
   vision = ""; // what the base says of its camera
+  place = ""; // what the localizer says of its sensors
   missions = new Map<string, Mission>();
   trace: { x: number; y: number }[] = [];
   chosenBase: string | null = null;
@@ -94,10 +95,43 @@ export class Robot {
 
   /** The bases that may be driven: those that can belong to somebody; of a stock server, all. */
   bases(): string[] {
-    const camera = this.camera;
-    const bases = this.devices.map((device) => device.address).filter((address) => address.startsWith("position2d:"));
-    const driven = bases.filter((address) => address !== camera && this.motion(address));
-    return driven.length > 0 ? driven : bases.filter((address) => address !== camera);
+    const sees = [this.camera, this.localizer?.pose];
+    const bases = this.devices
+      .map((device) => device.address)
+      .filter((address) => address.startsWith("position2d:") && !sees.includes(address));
+    // Of those that can belong to somebody, a driver drives the first, and sees by the others.
+    const driven = bases.filter((address) => {
+      const own = this.driver(address)?.devices.filter((d) => bases.includes(d.device) && d.motion.length > 0);
+      return own?.[0]?.device === address;
+    });
+    return driven.length > 0 ? driven : bases;
+  }
+
+  /** What fuses sensors: the devices that tell where the robot is, and how well that is known. */
+  get localizer(): { pose: string; covariance: string } | null {
+    const [pose, covariance] = ["position2d:", "localize:"].map(
+      (start) => this.devices.find((d) => d.driver === "localizer" && d.address.startsWith(start))?.address,
+    );
+    return pose && covariance ? { pose, covariance } : null;
+  }
+
+  /** What drives lists of way-points; a base does it with the gateway's help. */
+  get planner(): string | null {
+    return this.devices.find((d) => d.address.startsWith("planner:") && !d.trouble)?.address ?? null;
+  }
+
+  /** To whom destinations go. */
+  get destined(): string | null {
+    return this.planner ?? this.base;
+  }
+
+  get mission(): Mission | undefined {
+    return this.destined ? this.missions.get(this.destined) : undefined;
+  }
+
+  /** What tells where it is, in the frame of its destinations. */
+  get placed(): string | null {
+    return (this.planner && this.localizer?.pose) ?? this.base;
   }
 
   /** What tells where a camera saw the robot: the second base of the driver ssl_robot. */
@@ -125,23 +159,23 @@ export class Robot {
   }
 
   get pose(): Pose | null {
-    const base = this.base;
-    if (!base) return null;
-    const [x, y, heading] = ["pose.x", "pose.y", "pose.heading"].map((path) => this.get(base, path));
+    const placed = this.placed;
+    if (!placed) return null;
+    const [x, y, heading] = ["pose.x", "pose.y", "pose.heading"].map((path) => this.get(placed, path));
     return x == null || y == null || heading == null ? null : { x, y, heading };
   }
 
-  /** Where it may be: the covariance of its position [m²]. */
-  get covariance(): { xx: number; yy: number; xy: number } | null {
-    const device = this.device("localize")?.address;
+  /** Where it may be: mean [m] and covariance [m²] of its position. */
+  get belief(): { x: number; y: number; xx: number; yy: number; xy: number } | null {
+    const device = this.localizer?.covariance ?? this.device("localize")?.address;
     if (!device) return null;
-    const [xx, yy, xy] = ["var.x", "var.y", "cov.xy"].map((path) => this.get(device, path));
-    return xx == null || yy == null || xy == null ? null : { xx, yy, xy };
+    const [x, y, xx, yy, xy] = ["mean.x", "mean.y", "var.x", "var.y", "cov.xy"].map((path) => this.get(device, path));
+    return x == null || y == null || xx == null || yy == null || xy == null ? null : { x, y, xx, yy, xy };
   }
 
   /**
-   * What its satellite receiver says [m], on a plane that touches the earth where the base was at the first fix, x east
-   * and y north; `error`: its own, [m].
+   * What its satellite receiver says [m], on a plane that touches the earth at the first fix, x east and y north; `error`:
+   * its own, [m]. The receiver's driver knows that place in its field's frame; if not, the robot was there.
    */
   get fix(): { x: number; y: number; error: number } | null {
     const device = this.device("gps")?.address;
@@ -151,7 +185,7 @@ export class Robot {
     );
     if (latitude == null || longitude == null || !quality) return null;
     const { x, y } = toPlane(latitude / 1e7, longitude / 1e7, this.#anchor);
-    return { x: this.#anchor.x + x, y: this.#anchor.y + y, error: error ?? 0 };
+    return { x: this.#anchor.x + x, y: this.#anchor.y + y, error: Math.max(0, error ?? 0) };
   }
 
   /** Latitude and longitude [degrees] of a place in the base's frame. */
@@ -162,11 +196,15 @@ export class Robot {
   #anchor: (Geographic & { x: number; y: number }) | null = null;
 
   #find(): void {
-    const [device, pose] = [this.device("gps")?.address, this.pose];
-    if (this.#anchor || !device || !pose || !this.get(device, "quality")) return;
-    const [latitude, longitude] = [this.get(device, "latitude"), this.get(device, "longitude")];
-    if (latitude === null || longitude === null) return;
-    this.#anchor = { latitude: latitude / 1e7, longitude: longitude / 1e7, x: pose.x, y: pose.y };
+    const gps = this.device("gps");
+    if (this.#anchor || !gps || !this.get(gps.address, "quality")) return;
+    const [latitude, longitude] = [this.get(gps.address, "latitude"), this.get(gps.address, "longitude")];
+    const plane = this.devices.find((d) => d.driver === gps.driver && d.address.startsWith("localize:"))?.address;
+    const pose = this.pose;
+    const x = plane ? this.get(plane, "mean.x") : (pose?.x ?? null);
+    const y = plane ? this.get(plane, "mean.y") : (pose?.y ?? null);
+    if (latitude === null || longitude === null || x === null || y === null) return;
+    this.#anchor = { latitude: latitude / 1e7, longitude: longitude / 1e7, x, y };
   }
 
   follow(): void {
@@ -204,10 +242,10 @@ export class World {
 
   /** A robot's label, without the host where all have the same. */
   short(robot: Robot): string {
-    const host = robot.label.replace(/:\d+$/, "");
-    const alone = this.robots.size < 2 || host === robot.label;
-    const same = [...this.robots.values()].every((other) => other.label.replace(/:\d+$/, "") === host);
-    return !alone && same ? robot.label.slice(host.length + 1) : robot.label;
+    const split = (label: string) => /^(\[.*\]|[^:]*):(\d+)$/.exec(label); // HOST:PORT, [IPv6]:PORT
+    const [, host, port] = split(robot.label) ?? [];
+    const same = [...this.robots.values()].every((other) => split(other.label)?.[1] === host);
+    return this.robots.size > 1 && port && same ? port : robot.label;
   }
 
   note(label: string, severity: number, text: string): void {
@@ -249,6 +287,7 @@ export class World {
         robot.drivers = message.drivers;
         robot.roundTrip = message.round_trip_s;
         robot.vision = message.vision ?? "";
+        robot.place = message.place ?? "";
         break;
       }
       case "event":

@@ -70,6 +70,37 @@ describe("World", () => {
     made.take({ t: "status", robot: 3, round_trip_s: 0.001, drivers: [driver] }, 0);
     expect(made.robot?.base).toBe("position2d:1");
   });
+  it("goes by the localizer where a planner drives, and by the wheels where none does", () => {
+    const made = new World();
+    const devices = [
+      { address: "position2d:0", driver: "simulated_base" },
+      { address: "position2d:2", driver: "localizer" },
+      { address: "localize:0", driver: "simulated_gps" },
+      { address: "localize:1", driver: "localizer" },
+    ];
+    const streams = ["position2d:0", "position2d:2"].map((device) => ({
+      device,
+      name: "STATE",
+      paths: ["pose.x", "pose.y", "pose.heading"],
+    }));
+    streams.push({ device: "localize:1", name: "STATE", paths: ["mean.x", "mean.y", "var.x", "var.y", "cov.xy"] });
+    const rows = [
+      [0, 0, 1, 1, 0],
+      [1, 0, 2, 2, 0],
+      [2, 0, 2, 2, 0.04, 0.01, 0],
+    ];
+    const robot = { t: "robot", robot: 0, label: "field", connected: true, why: "", streams } as const;
+    made.take({ ...robot, devices }, 0);
+    made.take({ t: "frame", at: 1, robots: [[0, rows]] }, 0);
+    expect(made.robot?.pose?.x).toBe(1);
+    expect(made.robot?.destined).toBe("position2d:0");
+    made.take({ ...robot, devices: [...devices, { address: "planner:0", driver: "waypoint" }] }, 0);
+    made.take({ t: "frame", at: 1, robots: [[0, rows]] }, 0);
+    expect(made.robot?.pose?.x).toBe(2);
+    expect(made.robot?.destined).toBe("planner:0");
+    expect(made.robot?.bases()).toEqual(["position2d:0"]);
+    expect(made.robot?.belief).toEqual({ x: 2, y: 2, xx: 0.04, yy: 0.01, xy: 0 });
+  });
   it("chooses another robot when the chosen one is gone", () => {
     const made = world();
     made.take({ t: "gone", robot: 3 }, 0);

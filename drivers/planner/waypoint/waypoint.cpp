@@ -17,6 +17,7 @@ constexpr std::size_t most_points = 10'000;
 constexpr std::size_t most_actions = 100'000;
 constexpr double longest_wait_s = 1e6;
 constexpr Duration base_timeout = 500ms;  // without its data it is not known to do anything
+constexpr Duration relay_timeout = 2s;
 
 control::WaypointMissionConfig read_mission(const Section& config) {
   control::WaypointMissionConfig mission;
@@ -152,11 +153,10 @@ Result<Empty> Waypoint::set_mission(const planner::SetMission& list) {
 
 Result<> Waypoint::load(planner::SetMission list) {
   // Work that was broken off: nobody comes back to it.
-  if (relays_ != relays_before_) {
-    if (!dio_->connected() || !dio_->send(dio::OutputCommand{.count = relay_count_, .bits = relays_before_})) {
+  if (dio_ && (relays_ != relays_before_ || switching_)) {
+    if (!send_relays(relays_before_)) {
       return Error{std::errc::not_connected, "the relays of the work that was broken off do not answer"};
     }
-    relays_ = relays_before_;
   }
   list_ = std::move(list);
   actions_.assign(list_.points.size(), {});
@@ -254,7 +254,7 @@ Result<> Waypoint::read(const Tick& tick) {
   if (!drives()) return {};
   if (!obedience_.step(commanded, speaks ? std::optional{wheels_} : std::nullopt, tick.dt)) {
     hold(planner::MissionState::failed,
-         "the base does not do what it is told: blocked, stopped, or driven by somebody else");
+         "the base does not do what it is told: blocked, stopped, without power, or driven by somebody else");
     port_.tell(1, reason_);
     return {};
   }
@@ -275,7 +275,7 @@ void Waypoint::work(Duration dt) {
     if (action_ < actions_[output_.waypoint].size()) return;
   }
   const bool interrupted = output_.tool == ToolAction::raise && action_ < actions_[output_.waypoint].size();
-  if (interrupted && !switch_relays(relays_before_)) return;
+  if (interrupted && !switch_relays(relays_before_, dt)) return;
   if (output_.tool == ToolAction::raise) relays_before_ = relays_;  // what was done here stays
   report_ = {.finished = output_.tool};
 }
@@ -294,23 +294,50 @@ void Waypoint::do_actions(Duration dt) {
     }
     if (action.act == planner::Act::relay) {
       const std::uint32_t bit = 1U << action.output;
-      if (!switch_relays(action.on != 0 ? relays_ | bit : relays_ & ~bit)) return;
+      if (!switch_relays(action.on != 0 ? relays_ | bit : relays_ & ~bit, dt)) return;
     }
     waited_ = {};
     asked_ = answered_ = false;
   }
 }
 
-/// False: it failed, and the mission is held.
-bool Waypoint::switch_relays(std::uint32_t bits) {
-  if (bits == relays_) return true;
-  if (!dio_->connected() || !dio_->send(dio::OutputCommand{.count = relay_count_, .bits = bits})) {
-    hold(planner::MissionState::failed, "the relays do not answer");
-    port_.tell(1, reason_);
+/// True: they are as they are to be. False: they are being told, or would not be, and the mission is held.
+bool Waypoint::switch_relays(std::uint32_t bits, Duration dt) {
+  if (switching_) {
+    switching_for_ += dt;
+    if (switching_for_ > relay_timeout) fail_relays("do not answer");
     return false;
   }
-  relays_ = bits;
+  if (bits == relays_) return true;
+  if (!send_relays(bits)) fail_relays("are not connected");
+  return false;
+}
+
+bool Waypoint::send_relays(std::uint32_t bits) {
+  const std::uint32_t number = ++switched_;
+  if (!dio_->connected() ||
+      !dio_->send(dio::OutputCommand{.count = relay_count_, .bits = bits}, [this, number, bits](const Result<>& taken) {
+        if (number != switched_) return;  // of another time
+        switching_ = false;
+        if (taken) {
+          relays_ = bits;
+        } else {
+          fail_relays("refuse: " + (taken.error().what.empty() ? taken.error().message() : taken.error().what));
+        }
+      })) {
+    return false;
+  }
+  switching_ = true;
+  switching_for_ = {};
   return true;
+}
+
+void Waypoint::fail_relays(const std::string& why) {
+  switching_ = false;
+  ++switched_;  // a late answer is for nobody
+  if (!drives()) return;
+  hold(planner::MissionState::failed, "the relays " + why);
+  port_.tell(1, reason_);
 }
 
 void Waypoint::halt() noexcept {

@@ -22,9 +22,11 @@ namespace regista {
 /// while the mission is under way and left alone while it is paused: when this driver or its server dies, the base's
 /// own lease stops it. When somebody else drives the base, the mission fails and does not go on by itself.
 ///
-/// A point is worked at action by action. When the robot is moved from there, the mission fails, with the relays as
-/// they are; with ENABLE 1 they go back to what they were when it came, it drives there again and begins anew. A stop
-/// and a pause leave the relays as they are, too; another mission or goal puts them back first.
+/// A point is worked at action by action. A relay has switched when the dio's driver has taken it; when that refuses,
+/// or does not answer for 2 s, the mission fails with its reason, and ENABLE 1 tries it again. When the robot is moved
+/// from there, the mission fails, with the relays as they are; with ENABLE 1 they go back to what they were when it
+/// came, it drives there again and begins anew. A stop and a pause leave the relays as they are, too; another mission
+/// or goal puts them back first.
 ///
 /// | Key                 | Value                                                                     | Default       |
 /// |---------------------|---------------------------------------------------------------------------|---------------|
@@ -64,7 +66,9 @@ class Waypoint final : public Driver {
   void hold(planner::MissionState state, const std::string& reason);
   void work(Duration dt);
   void do_actions(Duration dt);
-  bool switch_relays(std::uint32_t bits);
+  bool switch_relays(std::uint32_t bits, Duration dt);
+  bool send_relays(std::uint32_t bits);
+  void fail_relays(const std::string& why);
   void tell_progress(const control::WaypointMission::Output& before);
   [[nodiscard]] planner::Mission mission() const;
   [[nodiscard]] bool under_way() const { return commanded_ && output_.phase != Phase::finished; }
@@ -95,8 +99,11 @@ class Waypoint final : public Driver {
   Duration waited_{};
   bool asked_ = false;
   bool answered_ = false;
-  std::uint32_t relays_ = 0;         ///< as they were told
+  std::uint32_t relays_ = 0;         ///< as they were told and have taken
   std::uint32_t relays_before_ = 0;  ///< at the start of the work at this point
+  bool switching_ = false;           ///< they have not answered yet
+  std::uint32_t switched_ = 0;       ///< number of the last command to them
+  Duration switching_for_{};
 
   // What the devices said.
   std::optional<Pose2d> new_pose_;  ///< since the last beat

@@ -67,6 +67,7 @@ control::FieldEstimatorConfig read_estimator(const Section& config) {
   estimator.fix_sd_m = config.length("vision_sd", estimator.fix_sd_m, positive);
   estimator.fix_sd_rad = config.angle("vision_turn_sd", estimator.fix_sd_rad, positive);
   estimator.wheels_sd_mps = config.length("wheels_sd", estimator.wheels_sd_mps, positive);
+  estimator.wheels_slip_s = config.number("wheels_slip", 0.3, not_negative);
   estimator.translation.acceleration_density =
       config.number("accel_density", estimator.translation.acceleration_density, not_negative);
   estimator.orientation.rate_density = config.number("gyro_density", estimator.orientation.rate_density, not_negative);

@@ -49,6 +49,7 @@ namespace regista {
 /// | `gate`             | standard deviations at which a pose is rejected                           | 4             |
 /// | `restart_after`    | rejected poses in a row that are believed after all                       | 8             |
 /// | `wheels_sd`        | [length/s] of the velocity that the wheels tell                           | 0.15 m/s      |
+/// | `wheels_slip`      | [m/s per m/s²] what acceleration adds to it: by slipping, wheels push     | 0.3           |
 /// | `accel_density`    | [m²/s³] how wrong the accelerometer is, as white noise                    | 5e-4          |
 /// | `gyro_density`     | [rad²/s] likewise                                                         | 1e-6          |
 /// | `gyro_bias_density`| [rad²/s³] of the drift of its bias                                        | 1e-7          |

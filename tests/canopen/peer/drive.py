@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A CiA 402 drive in profile velocity mode on python-canopen: a slave that shares no code with ours.
 
-drive.py --interface socketcand|socketcan --channel BUS [--port PORT] [--node 5]... [--eds FILE] [--no-blocks]
+drive.py --interface socketcand|socketcan --channel BUS [--port PORT] [--node 5]... [--eds FILE] [--report SECONDS]
+         [--no-blocks]
 
 Boot-up, heartbeat both ways (1016, 1017), SDO of all kinds, PDOs mapped by SDO, SYNC, EMCY; no LSS. Without set-points
 for the time of 1400:05, or without the heartbeat of the master, it does what 6007 says: 0 nothing, 1 fault, 2 disable,
-3 quick stop. Writing 2002 raises that error. Each change is a line of JSON on stdout; the first line is "ready".
+3 quick stop. Writing 2002 raises that error. Each change is a line of JSON on stdout; the first line is "ready". With
+--report it also tells every so often how far its motor has turned.
 """
 
 import argparse
@@ -35,13 +37,15 @@ BEAT = 0.005  # [s]
 
 
 class Drive:
-    def __init__(self, network, node_id, eds, blocks):
+    def __init__(self, network, node_id, eds, report=None, blocks=True):
         self.network = network
+        self.report = report  # [s]
         self.id = node_id
         self.lock = threading.RLock()
         self.state = "switch on disabled"
         self.controlword = 0
         self.speed = 0.0
+        self.turns = 0.0
         self.pdos = {"receive": {}, "transmit": []}
         self.changed = False
         self.consumed = None  # (node, last heard)
@@ -86,6 +90,8 @@ class Drive:
             self.control(struct.unpack("<H", data)[0])
         elif index == 0x2002 and any(data):
             self.fault(struct.unpack("<H", data)[0])
+        elif index == 0x2010:
+            self.say(counter=struct.unpack("<I", data)[0])
         elif 0x1400 <= index < 0x1C00:
             self.changed = True  # it is stored after this callback
 
@@ -286,13 +292,14 @@ class Drive:
         elif self.state == "operation enabled":
             slope = self.get(0x6083) if abs(target) > abs(self.speed) else self.get(0x6084)
         self.speed += max(-slope * dt, min(slope * dt, target - self.speed))
+        self.turns += self.speed / 60 * dt
         if abs(self.speed) < 1 and self.state == "fault reaction active":
             self.go("fault")
         if abs(self.speed) < 1 and self.state == "quick stop active" and self.get(0x605A) in (1, 2):
             self.go("switch on disabled")
 
     def run(self):
-        last = time.monotonic()
+        last = reported = time.monotonic()
         while True:
             time.sleep(BEAT)
             now = time.monotonic()
@@ -301,6 +308,9 @@ class Drive:
                     self.load_pdos()
                 self.step(now - last)
                 last = now
+                if self.report and now - reported >= self.report:
+                    reported = now
+                    self.say(turns=self.turns)
                 self.watch_master(now)
                 if self.nmt != "OPERATIONAL":
                     continue
@@ -336,10 +346,12 @@ def main():
     parser.add_argument("--port", type=int, default=29536)
     parser.add_argument("--node", type=int, action="append")
     parser.add_argument("--eds", default=Path(__file__).parents[2] / "data/canopen/drive.eds")
+    parser.add_argument("--report", type=float)
     parser.add_argument("--no-blocks", action="store_true", help="python-canopen's own SDO server")
     arguments = parser.parse_args()
     network = connect(arguments.interface, arguments.channel, arguments.port)
-    drives = [Drive(network, node, arguments.eds, not arguments.no_blocks) for node in arguments.node or [5]]
+    blocks = not arguments.no_blocks
+    drives = [Drive(network, node, arguments.eds, arguments.report, blocks) for node in arguments.node or [5]]
     print("ready", flush=True)
     while drives:
         time.sleep(3600)

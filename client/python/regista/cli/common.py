@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import getpass
+import ipaddress
 import json
 import os
 import socket
@@ -60,21 +61,30 @@ def note(text: str) -> None:
     stderr.print(text, markup=False)
 
 
-def parse_robot(text: str) -> tuple[str, int]:
-    """HOST, HOST:PORT, [IPv6]:PORT, or an IPv6 address."""
+def parse_robot(text: str, what: str = "--robot") -> tuple[str, int]:
+    """HOST, HOST:PORT, [IPv6]:PORT, or an IPv6 address; `what` it is, for the words that refuse it."""
     host, port = text, ""
     if text.startswith("["):
         host, bracket, rest = text[1:].partition("]")
         if not bracket or (rest and not rest.startswith(":")):
-            fail(USAGE, f"--robot {text!r}: write an IPv6 address with a port as [::1]:{PORT}")
+            fail(USAGE, f"{what} {text!r}: write an IPv6 address with a port as [::1]:{PORT}")
         port = rest[1:]
     elif text.count(":") == 1:
         host, _, port = text.partition(":")
-    if not host:
-        fail(USAGE, f"--robot {text!r}: no host; write HOST[:PORT], such as localhost:{PORT}")
+    if not host or any(c.isspace() or c in "/@?#" for c in text):
+        fail(USAGE, f"{what} {text!r}: that is no host; write HOST[:PORT], such as localhost:{PORT}")
+    if ":" in host and not _is_ipv6(host):
+        fail(USAGE, f"{what} {text!r}: too many colons; write HOST[:PORT], or an IPv6 address as [::1]:{PORT}")
     if (port and not port.isdecimal()) or not 0 < int(port or PORT) < 65536:
-        fail(USAGE, f"--robot {text!r}: the port must be a number from 1 to 65535")
+        fail(USAGE, f"{what} {text!r}: the port must be a number from 1 to 65535")
     return host, int(port or PORT)
+
+
+def _is_ipv6(host: str) -> bool:
+    try:
+        return bool(ipaddress.IPv6Address(host))
+    except ValueError:
+        return False
 
 
 def connect(robot: str, verb: str, *, timeout: float = 2.0, priority: int = 10, **options: Any) -> regista.Robot:

@@ -6,7 +6,9 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import gc
+import json
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -154,6 +156,9 @@ def replay(
         typer.Option("--to", metavar="HOST[:PORT]", help="Instead, drive the bases of this robot as recorded."),
     ] = None,
     move: Annotated[bool, typer.Option("--move", help="With --to: yes, it shall move.")] = False,
+    steer: Annotated[
+        bool, typer.Option("--steer", help='Take {"at": S}, {"rate": X} on standard input, a line each; 0 pauses.')
+    ] = False,
 ) -> None:
     """Serve a recording as if it were the robot.
 
@@ -167,7 +172,7 @@ def replay(
     with ends_on_signals():
         if to is None:
             refuse_beside_live(port, sim)
-            _serve(source, cut, devices, port, loop, wait)
+            _serve(source, cut, devices, port, loop, wait, steer)
         else:
             _drive(source, cut, devices, to, move, loop)
     if not source.complete:
@@ -204,7 +209,7 @@ def _progress(source: Recording, cut: Cut) -> Iterator[Progress]:
         yield progress
 
 
-def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: bool, wait: bool) -> None:
+def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: bool, wait: bool, steer: bool) -> None:
     with served(devices, port) as (feed, endpoint):
         for record in answers(source):
             feed.write(frame(record))
@@ -212,6 +217,12 @@ def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: boo
         common.note(f"serving {', '.join(devices)} on {endpoint}")
         if wait:
             _wait_for_client(endpoint)
+        if steer:
+            with _server_lives():
+                for record in Steered(source, cut):
+                    feed.write(frame(record))
+                    feed.flush()
+            return
         count, shown, latest = 0, 0.0, 0.0
         with _progress(source, cut) as progress, _server_lives():
             for offset, late, record in _rounds(source, cut, loop):
@@ -223,6 +234,68 @@ def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: boo
                     shown = time.monotonic()
                     progress.update(progress.task_ids[0], completed=offset, count=count)
     common.note(f"{count} messages, at most {common.duration(latest)} late")
+
+
+class Steered:
+    """The records of a recording in their time, as standard input says: each line an object with `at`, go there [s],
+    `rate`, so fast, 0 for a pause, or both. Ends with the input.
+
+    At the end of the recording it waits there. Standard output says ten times a second where it is.
+    """
+
+    TELL_SECONDS = 0.1
+    GLIMPSE_SECONDS = 0.5  # of a recording, shown at once where somebody looks: what is there
+
+    def __init__(self, source: Recording, cut: Cut) -> None:
+        _, first, last = source.span()
+        self._source = source
+        self._length = min((last - first) * 1e-9, cut.end if cut.end is not None else float("inf"))
+        self._rate = cut.rate
+        self._orders = b""
+        self._next: tuple[float, Record] | None
+        self._go_to(cut.start)
+
+    def __iter__(self) -> Iterator[Record]:
+        told = 0.0
+        while True:
+            now = time.monotonic()
+            if now - told >= self.TELL_SECONDS:
+                told = now
+                where = {"at": round(self._at(now), 3), "length": round(self._length, 3), "rate": self._rate}
+                print(json.dumps(where), flush=True)
+            wait = told + self.TELL_SECONDS - now
+            if self._next is not None and self._next[0] <= self._shown:
+                wait = 0.0
+            elif self._next is not None and self._rate > 0:
+                wait = min(wait, (self._next[0] - self._at(now)) / self._rate)
+            if select.select([0], [], [], max(wait, 0.0))[0] and not self._obey():
+                return
+            if self._next is not None and self._next[0] <= max(self._at(time.monotonic()), self._shown):
+                yield self._next[1]
+                self._next = next(self._records, None)
+
+    def _at(self, now: float) -> float:
+        return min(self._from + (now - self._since) * self._rate, self._length)
+
+    def _go_to(self, at: float) -> None:
+        at = min(max(at, 0.0), self._length)
+        begin = max(at - self.GLIMPSE_SECONDS, 0.0)
+        self._from, self._since, self._shown = at, time.monotonic(), at
+        self._records = ((begin + offset, record) for offset, record in data_records(self._source, Cut(begin)))
+        self._next = next(self._records, None)
+
+    def _obey(self) -> bool:
+        """False: nobody gives orders any more."""
+        said = os.read(0, 4096)
+        *lines, self._orders = (self._orders + said).split(b"\n")
+        for line in lines:
+            order = json.loads(line)
+            now = time.monotonic()
+            self._from, self._since = self._at(now), now
+            self._rate = min(max(float(order.get("rate", self._rate)), 0.0), 1000.0)
+            if "at" in order:
+                self._go_to(float(order["at"]))
+        return bool(said)
 
 
 @contextlib.contextmanager

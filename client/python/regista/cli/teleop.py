@@ -11,12 +11,15 @@ import socket
 import sys
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import common
 from .common import examples
+
+if TYPE_CHECKING:
+    from ..teleop.live import Foxglove
 
 
 def teleop(
@@ -35,6 +38,16 @@ def teleop(
     folder: Annotated[
         Path, typer.Option("--recordings", metavar="FOLDER", help="Where recordings are written and played from.")
     ] = Path(),
+    foxglove: Annotated[
+        int | None,
+        typer.Option(
+            "--foxglove",
+            min=0,
+            max=65535,
+            metavar="PORT",
+            help="The same data for Foxglove and Lichtblick: usually 8765; 0: any free one.",
+        ),
+    ] = None,
 ) -> None:
     """Drive robots from a web page, with keys, a gamepad, fingers or the mouse.
 
@@ -46,19 +59,51 @@ def teleop(
         import uvloop
     except ModuleNotFoundError:
         common.fail(common.FAILED, "teleop wants packages that are not installed: pip install 'regista[teleop]'")
-    addresses = [(text, *common.parse_robot(text)) for text in robots or [f"localhost:{common.PORT}"]]
-    uvloop.run(_serve(addresses, port, browser, vision, folder))
+    from ..teleop import PAGE
+
+    if not (PAGE / "index.html").is_file():
+        common.fail(
+            common.FAILED,
+            "this package was built without its page: apt install nodejs npm, and install it again without "
+            "REGISTA_PAGE=OFF (docs/teleop.md)",
+        )
+    addresses = [(text, *common.parse_robot(text, "robot")) for text in robots or [f"localhost:{common.PORT}"]]
+    for i, (text, *address) in enumerate(addresses):
+        if address in [list(other[1:]) for other in addresses[:i]]:
+            common.fail(common.USAGE, f"robot {text!r} is named twice")
+    if vision is not None:
+        common.parse_robot(vision, "--vision")
+    live = None if foxglove is None else _open_foxglove(foxglove)
+    uvloop.run(_serve(addresses, port, browser, vision, folder, live))
+
+
+def _open_foxglove(port: int) -> Foxglove:
+    try:
+        from ..teleop.live import Foxglove
+    except ModuleNotFoundError:
+        common.fail(common.FAILED, "--foxglove wants a package that is not installed: pip install 'regista[foxglove]'")
+    try:
+        live = Foxglove(port)
+    except OSError as error:
+        common.fail(common.FAILED, f"{error}; choose another port with --foxglove")
+    common.note(f"Foxglove, Lichtblick: open a connection, Foxglove WebSocket, {live.url}")
+    return live
 
 
 async def _serve(
-    addresses: list[tuple[str, str, int]], port: int, browser: bool, vision: str | None, folder: Path
+    addresses: list[tuple[str, str, int]],
+    port: int,
+    browser: bool,
+    vision: str | None,
+    folder: Path,
+    live: Foxglove | None,
 ) -> None:
     from ..teleop.gateway import Gateway
 
     name = "teleop"
     with contextlib.suppress(OSError, KeyError):
         name = f"teleop {getpass.getuser()}"
-    gateway = Gateway(f"{name}@{socket.gethostname()}", folder)
+    gateway = Gateway(f"{name}@{socket.gethostname()}", folder, live)
     ended = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)

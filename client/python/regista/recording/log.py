@@ -4,23 +4,29 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, Protocol
 
 from regista import gps, message, position2d
 
 from . import foxglove
 from .schema import schema, write
-from .writer import LOG, Channel, Recorder
+from .writer import LOG, Channel
 
 POSE = "foxglove.PoseInFrame"
 LOCATION = "foxglove.LocationFix"
 LEVELS = (foxglove.INFO, foxglove.WARNING, foxglove.ERROR)
 
 
+class Sink(Protocol):
+    """Where records go, such as a `Recorder`."""
+
+    def put(self, channel: Channel, message: dict[str, Any], log_time_ns: int, publish_time_ns: int) -> bool: ...
+
+
 class Log:
     """Turns what a robot says into records."""
 
-    def __init__(self, recorder: Recorder) -> None:
+    def __init__(self, recorder: Sink) -> None:
         self._recorder = recorder
         self._channels: dict[tuple[str, type], Channel] = {}
         # One offset for the whole recording: a clock that is set meanwhile does not shift what comes after.

@@ -3,6 +3,5 @@
 
 from pathlib import Path
 
-PAGE = (
-    Path(__file__).parent / "page"
-)  # what Vite built from client/teleop; absent in a wheel that was built without npm
+# What Vite built from client/teleop; absent in a package that was built without it.
+PAGE = Path(__file__).parent / "page"

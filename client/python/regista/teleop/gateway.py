@@ -14,17 +14,21 @@ import time
 import traceback
 from collections.abc import Awaitable, Callable, Coroutine
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 import regista
 from regista.cli.hand import Velocity
+from regista.recording import Log
 
 from . import PAGE, vision
 from .link import Link
 from .mission import Point
 from .recordings import Recordings
+
+if TYPE_CHECKING:
+    from .live import Foxglove
 
 FRAMES = 60  # a second
 PENDING_BYTES = 256 * 1024  # a page that is further behind gets no frames until it has caught up
@@ -62,7 +66,7 @@ class Page:
         return self.shown and not self.silent
 
     def tell(self, message: dict[str, Any]) -> None:
-        self._put(json.dumps(message, separators=(",", ":")))
+        self._put(to_json(message))
 
     def frame(self, text: str) -> None:
         self.behind = False
@@ -90,12 +94,14 @@ class Gateway:
     everybody's.
     """
 
-    def __init__(self, name: str, recordings: Path) -> None:
+    def __init__(self, name: str, recordings: Path, live: Foxglove | None = None) -> None:
+        self._live = live
         self.token = secrets.token_urlsafe(16)
         self.url = ""
         self._name = name
         self._recordings = Recordings(recordings)
         self._played: Link | None = None
+        self._changing_player = asyncio.Lock()
         self._field: dict[str, float] | None = None
         self._links: dict[int, Link] = {}
         self._running: dict[int, asyncio.Task[None]] = {}
@@ -112,8 +118,7 @@ class Gateway:
         app = web.Application(middlewares=[self._guard])
         app.router.add_get("/", self._index)
         app.router.add_get("/socket", self._socket)
-        if PAGE.is_dir():
-            app.router.add_static("/assets", PAGE / "assets")
+        app.router.add_static("/assets", PAGE / "assets")
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.5)
         await self._runner.setup()
         site = web.TCPSite(self._runner, "127.0.0.1", port)
@@ -126,7 +131,8 @@ class Gateway:
 
     def add(self, label: str, host: str, port: int) -> Link:
         """A robot; it may come later, and go."""
-        link = Link(max(self._links, default=-1) + 1, label, host, port, self._name[:63], self._tell)
+        live = None if self._live is None else Log(self._live.topics(label))
+        link = Link(max(self._links, default=-1) + 1, label, host, port, self._name[:63], self._tell, live)
         self._links[link.number] = link
         self._running[link.number] = self._spawn(link.run())
         return link
@@ -145,6 +151,8 @@ class Gateway:
         await asyncio.gather(*(link.close() for link in self._links.values()), return_exceptions=True)
         await self._recordings.end()
         await self._recordings.end_play()
+        if self._live is not None:
+            self._live.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -176,13 +184,7 @@ class Gateway:
         return response
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        index = PAGE / "index.html"
-        if not index.is_file():
-            return web.Response(
-                status=503,
-                text="This wheel was built without npm, and has no page: docs/teleop.md says how to get one.\n",
-            )
-        return web.FileResponse(index, headers=HEADERS)
+        return web.FileResponse(PAGE / "index.html", headers=HEADERS)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Origin") not in {f"http://{host}" for host in self._hosts}:
@@ -305,22 +307,28 @@ class Gateway:
             await self._record(bool(message["on"]))
             return
         if type_ == "play":
-            await self._end_play()
-            await self._recordings.play(message["file"], functools.partial(self._add_player, message["file"]))
+            name = str(message["file"])
+            async with self._changing_player:
+                await self._end_play()
+                await self._recordings.play(name, functools.partial(self._add_player, name), self._tell_play)
             return
         if type_ == "end_play":
-            await self._end_play()
+            async with self._changing_player:
+                await self._end_play()
+            return
+        if type_ == "steer":
+            self._recordings.steer({key: _number(message[key]) for key in ("at", "rate") if key in message})
             return
         if page is not self._pilot:
             raise ValueError("another page has the controls: take them first")
         link = self._link(message)
         device = message["device"]
         if type_ == "go":
-            link.go(device, [_point(point) for point in message["points"]], alone=bool(message["alone"]))
+            await link.go(device, [_point(point) for point in message["points"]], alone=bool(message["alone"]))
         elif type_ == "pause":
             await link.pause(device)
         elif type_ == "resume":
-            link.resume(device)
+            await link.resume(device)
         elif type_ == "cancel":
             await link.cancel(device)
         elif type_ == "take":
@@ -345,6 +353,10 @@ class Gateway:
             await self._recordings.end()
         self._tell({"t": "recording", **self._recordings.to_dict()})
         self._tell({"t": "playable", "files": self._recordings.files()})
+
+    def _tell_play(self, where: dict[str, Any]) -> None:
+        if self._played is not None:
+            self._tell({"t": "playing", "robot": self._played.number, **where})
 
     def _add_player(self, name: str, port: int) -> None:
         self._played = self.add(name, "127.0.0.1", port)
@@ -411,7 +423,23 @@ class Gateway:
         robots = [[link.number, rows] for link in self._links.values() if (rows := link.news(now, again=again))]
         if not robots and not again:
             return None
-        return json.dumps({"t": "frame", "at": round(now, 4), "robots": robots}, separators=(",", ":"))
+        return to_json({"t": "frame", "at": round(now, 4), "robots": robots})
+
+
+def to_json(message: Any) -> str:
+    """As browsers read it: what is no finite number is null."""
+    try:
+        return json.dumps(message, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(message), separators=(",", ":"), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _number(value: Any) -> float:

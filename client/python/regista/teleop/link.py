@@ -12,12 +12,13 @@ from typing import Any, cast
 
 import regista
 import regista.asyncio
-from regista import dio, kicker, position2d, recording
+from regista import dio, kicker, planner, position2d, recording
 from regista.message import Data
 
 from . import fields
 from .hand import Hand
 from .mission import Mission, Point, State
+from .planned import GROUP, PlannerMission
 
 Tell = Callable[[dict[str, Any]], None]
 
@@ -66,21 +67,26 @@ class Stream:
 class Link:
     """Runs until it is cancelled. What it has to say goes to `tell`, as the page understands it (docs/teleop.md)."""
 
-    def __init__(self, number: int, label: str, host: str, port: int, name: str, tell: Tell) -> None:
+    def __init__(
+        self, number: int, label: str, host: str, port: int, name: str, tell: Tell, live: recording.Log | None = None
+    ) -> None:
         self.number = number
         self.label = label
         self.name = name
         self.streams: list[Stream] = []
         self.state: dict[str, Any] = {}  # what a page that comes later has to know
-        self._log: recording.Log | None = None
+        self._log: recording.Log | None = None  # while it is recorded
+        self._live = live  # gets everything, always
         self._host, self._port = host, port
         self._tell_all = tell
         self._robot: regista.asyncio.Robot | None = None
         self._opening: regista.asyncio.Robot | None = None  # connected, and perhaps not yet ready
         self._hands: dict[str, Hand] = {}
-        self._missions: dict[str, Mission] = {}
+        self._missions: dict[str, Mission | PlannerMission] = {}  # by the base or the planner that drives
+        self._grabbing: asyncio.Task[None] | None = None  # a base from its planner
         self._look = asyncio.Event()
         self._seen: str | None = None
+        self._localizer: str | None = None
         self._tell("robot", label=label, connected=False, why="connecting", devices=[], streams=[])
 
     async def run(self) -> None:
@@ -120,6 +126,13 @@ class Link:
                 device["trouble"] = error.reason or str(error)
                 continue
             streams += [Stream(proxy, kind) for kind in fields.data_kinds(interface)]
+            if interface == "planner":
+                try:
+                    await proxy.request(planner.GetMission())
+                except regista.RefusedError:
+                    device["trouble"] = "it takes no lists of way-points"
+                else:
+                    self._missions[info.address] = PlannerMission(proxy, self.name)
             with contextlib.suppress(regista.RefusedError):  # not every driver tells how large it is
                 if isinstance(proxy, regista.asyncio.Position2d):
                     size = (await proxy.geometry()).size
@@ -130,6 +143,9 @@ class Link:
             info.address for info in infos if info.driver == "ssl_robot" and info.address.startswith("position2d:")
         ]
         self._seen = bases[0] if bases else None
+        self._localizer = next(
+            (i.address for i in infos if (i.driver, i.address[:11]) == ("localizer", "position2d:")), None
+        )
         self._robot = robot
         self.streams = streams
         described = [{"device": s.address, "name": s.name, "paths": s.paths} for s in streams]
@@ -137,8 +153,7 @@ class Link:
             "robot", label=self.label, connected=True, why="", devices=devices, streams=described,
             extended=robot.extended,
         )  # fmt: skip
-        if self._log is not None:
-            await self._begin_record(robot)
+        await self._begin_record(robot)
         while True:
             await self._status(robot)
             self._look.clear()
@@ -154,24 +169,29 @@ class Link:
             return
         status = await robot.status()
         round_trip = time.monotonic() - asked
-        self._tell("status", round_trip_s=round_trip, drivers=status["drivers"], vision=await self._vision(robot))
+        vision, place = [await self._say(robot, *one) for one in ((self._seen, "vision"), (self._localizer, "status"))]
+        self._tell("status", round_trip_s=round_trip, drivers=status["drivers"], vision=vision, place=place)
         for driver in status["drivers"]:
             for device in driver["devices"]:
                 for motion in device["motion"]:
-                    self._watch_mission(device["device"], motion)
+                    await self._watch_mission(device["device"], motion)
 
-    async def _vision(self, robot: regista.asyncio.Robot) -> str:
-        """What the driver ssl_robot thinks of its camera: good, stale, lost …; empty of other drivers."""
-        if self._seen is None:
+    async def _say(self, robot: regista.asyncio.Robot, device: str | None, key: str) -> str:
+        """What ssl_robot thinks of its camera: good, stale, lost …; what localizer thinks of its sensors."""
+        if device is None:
             return ""
         try:
-            return await robot._devices[self._seen].property("vision", str)
+            return await robot._devices[device].property(key, str)
         except (regista.RefusedError, KeyError):
             return ""
 
-    def _watch_mission(self, address: str, motion: dict[str, Any]) -> None:
-        """A destination that the base did not take up has failed, and says why."""
+    async def _watch_mission(self, address: str, motion: dict[str, Any]) -> None:
+        """A destination that the base did not take up has failed, and says why; a planner is asked how far it is."""
         mission = self._missions.get(address)
+        if isinstance(mission, PlannerMission):
+            if motion["group"] == GROUP and await mission.look(motion["owner"], motion["reason"]):
+                self._tell_mission(address)
+            return
         if mission is None or mission.state is not State.RUNNING or motion["group"] != "motion":
             return
         if motion["owner"] and motion["owner"] != self.name:
@@ -205,17 +225,18 @@ class Link:
             return
         for event in self._robot.events():
             self._tell_all({"t": "event", "robot": self.number, "severity": event.severity, "text": event.text})
-            if self._log is not None:
-                self._log.event(event)
+            for log in self._logs():
+                log.event(event)
             for address, mission in self._missions.items():
                 # Everybody hears of every refusal: when the base drives for us, it was another's.
-                if not mission.accepted and event.text.startswith(f"{address} refused: "):
+                if mission.ours and not mission.accepted and event.text.startswith(f"{address} refused: "):
                     mission.fail(event.text)
                     self._tell_mission(address)
             self._look.set()
-        if self._log is not None:
+        if logs := self._logs():
             for received in self._robot.messages():
-                self._log.data(received)
+                for log in logs:
+                    log.data(received)
         for address, mission in self._missions.items():
             hand = self._hands.get(address)
             if (hand is None or hand.settled) and mission.step():
@@ -235,14 +256,26 @@ class Link:
 
     def hold(self, device: str, velocity: Any) -> None:
         """Drive by hand; a mission of the same base pauses, and resumes only when somebody says so."""
-        mission = self._missions.get(device)
-        if mission is not None and mission.state is State.RUNNING:
-            mission.fail("you took the controls")
-            mission.state = State.PAUSED
-            self._tell_mission(device)
+        if self._grabbing is not None and not self._grabbing.done():
+            return
+        for address, mission in self._missions.items():
+            if isinstance(mission, PlannerMission):
+                if mission.accepted:
+                    self._grabbing = asyncio.get_running_loop().create_task(self._grab(mission, device))
+                    return
+            elif address == device and mission.state is State.RUNNING:
+                mission.fail("you took the controls", State.PAUSED)
+                self._tell_mission(address)
         if device not in self._hands:
             self._hands[device] = Hand(self._base(device))
         self._hands[device].hold(velocity)
+
+    async def _grab(self, mission: PlannerMission, base: str) -> None:
+        """What a planner of ours drives is taken from it; whoever lets go meanwhile leaves a base that stands."""
+        with contextlib.suppress(regista.Error, ValueError):
+            await mission.pause("you took the controls")
+            self._tell_mission(mission.address)
+            await self._base(base).take()
 
     @property
     def held(self) -> bool:
@@ -261,7 +294,7 @@ class Link:
     async def page_gone(self, reason: str) -> None:
         """Nobody watches: zero at once, and missions pause that may not go on alone."""
         self.let_go()
-        running = [(a, m) for a, m in self._missions.items() if m.state is State.RUNNING and not m.alone]
+        running = [(a, m) for a, m in self._missions.items() if m.ours and m.state is State.RUNNING and not m.alone]
         for address, mission in running:
             await mission.pause(reason)
             if self._missions.get(address) is mission:
@@ -281,26 +314,37 @@ class Link:
         robot = self._opening or self._connected()
         for address, mission in self._missions.items():
             if mission.state is State.RUNNING:
-                mission.fail("STOP")
-                mission.state = State.PAUSED
+                mission.fail("STOP", State.PAUSED)
                 self._tell_mission(address)
         await robot.stop()
         self._look.set()
 
     async def take(self, device: str) -> None:
         await self._settle(device)
+        for planned in self._planned():
+            await planned.take()
+            self._tell_mission(planned.address)
         await (await self._device(device)).take()
         self._look.set()
 
     async def give(self, device: str) -> None:
         self.let_go()
         await self._settle(device)
+        for planned in self._planned():
+            if planned.ours:
+                await planned.pause("you gave the robot back")
+                self._tell_mission(planned.address)
         await (await self._device(device)).release()
         self._look.set()
 
-    def go(self, device: str, points: list[Point], *, alone: bool) -> None:
+    async def go(self, device: str, points: list[Point], *, alone: bool) -> None:
+        """`device`: the planner; of a robot without one, the base."""
         self.let_go()
-        self._missions[device] = Mission(self._base(device), points, alone=alone)
+        planned = self._missions.get(device)
+        if isinstance(planned, PlannerMission):
+            await planned.go(points, alone=alone)
+        else:
+            self._missions[device] = Mission(self._base(device), points, alone=alone)
         self._tell_mission(device)
         self._look.set()
 
@@ -309,16 +353,21 @@ class Link:
             await self._missions[device].pause("you paused it")
             self._tell_mission(device)
 
-    def resume(self, device: str) -> None:
+    async def resume(self, device: str) -> None:
         if device not in self._missions:
             raise ValueError("that list of way-points is gone: start it again")
-        self._missions[device].resume()
+        self.let_go()
+        await self._missions[device].resume()
         self._tell_mission(device)
         self._look.set()
 
     async def cancel(self, device: str) -> None:
-        mission = self._missions.pop(device, None)
-        if mission is not None:
+        mission = self._missions.get(device)
+        if isinstance(mission, PlannerMission):
+            await mission.cancel()
+            self._tell_mission(device)
+        elif mission is not None:
+            del self._missions[device]
             await mission.pause("cancelled")
             self.state.pop(f"mission {device}", None)
             self._tell_all({"t": "mission", "robot": self.number, "device": device, "points": []})
@@ -352,8 +401,11 @@ class Link:
         if self._robot is not None:
             await self._begin_record(self._robot)
 
+    def _logs(self) -> list[recording.Log]:
+        return [log for log in (self._log, self._live) if log is not None]
+
     async def _begin_record(self, robot: regista.asyncio.Robot) -> None:
-        robot.record(0 if self._log is None else RECORD_LIMIT)
+        robot.record(RECORD_LIMIT if self._logs() else 0)
         for address, device in list(robot._devices.items()) if self._log is not None else []:
             for request in recording.descriptions(address.partition(":")[0]):
                 with contextlib.suppress(regista.RefusedError):
@@ -365,6 +417,9 @@ class Link:
         if self._robot is None:
             raise regista.ConnectionError(f"{self.label} is not connected")
         return self._robot
+
+    def _planned(self) -> list[PlannerMission]:
+        return [mission for mission in self._missions.values() if isinstance(mission, PlannerMission)]
 
     def _base(self, address: str) -> regista.asyncio.Position2d:
         device = self._connected()._devices.get(address)

@@ -7,7 +7,7 @@ import contextlib
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, Protocol
 
 import regista
 from regista import _core
@@ -30,6 +30,34 @@ class Point:
     heading: float | None = None
 
 
+MOST_POINTS = 1000
+
+
+def check(points: list[Point]) -> None:
+    """ValueError when that is no list of way-points."""
+    if not 0 < len(points) <= MOST_POINTS:
+        raise ValueError(f"a mission has 1 to {MOST_POINTS} way-points, not {len(points)}")
+
+
+class Shown(Protocol):
+    """What the page sees of a mission."""
+
+    points: list[Point]
+    index: int
+    state: State
+    reason: str
+    alone: bool
+
+
+def to_dict(mission: Shown) -> dict[str, Any]:
+    """For the page."""
+    points = [(p.x, p.y, p.heading) for p in mission.points]
+    return {
+        "points": points, "index": mission.index, "state": mission.state, "reason": mission.reason,
+        "alone": mission.alone,
+    }  # fmt: skip
+
+
 class Mission:
     """Drives; `step()` often. While it runs the base has a destination, kept alive by the gateway's event loop.
 
@@ -39,13 +67,12 @@ class Mission:
         alone: Goes on when no page is there to watch.
     """
 
-    LIMIT = 1000  # points
     NEAR = 0.15  # m: so near to a point on the way, the next one is due
     THERE = (0.05, 0.1)  # m, rad: of the last one
+    ours = True  # nobody else knows of it
 
     def __init__(self, base: Position2d, points: list[Point], *, alone: bool) -> None:
-        if not 0 < len(points) <= self.LIMIT:
-            raise ValueError(f"a mission has 1 to {self.LIMIT} way-points, not {len(points)}")
+        check(points)
         self.points = points
         self.alone = alone
         self.state = State.RUNNING
@@ -79,7 +106,7 @@ class Mission:
         finally:
             self._base.robot._watch()
 
-    def resume(self) -> None:
+    async def resume(self) -> None:
         """On with the way-point that was not reached."""
         if self.state in (State.PAUSED, State.FAILED):
             self.state, self.reason = State.RUNNING, ""
@@ -96,20 +123,17 @@ class Mission:
         except regista.Error as error:
             self.reason = f"{reason}; {error}"
 
-    def fail(self, reason: str) -> None:
+    def fail(self, reason: str, state: State = State.FAILED) -> None:
         """The base has been stopped, or never started; if it drives after all, its lease ends that."""
         if self.state is State.RUNNING:
-            self.state, self.reason = State.FAILED, reason
+            self.state, self.reason = state, reason
             self._follower = None
             with contextlib.suppress(regista.Error, ValueError, RuntimeError):  # closed, or being closed
                 self._base.proxy.keep_alive(False)
 
     def to_dict(self) -> dict[str, Any]:
         """For the page."""
-        points = [(p.x, p.y, p.heading) for p in self.points]
-        return {
-            "points": points, "index": self.index, "state": self.state, "reason": self.reason, "alone": self.alone
-        }  # fmt: skip
+        return to_dict(self)
 
     def _to(self, index: int) -> Any:
         point, last = self.points[index], index + 1 == len(self.points)

@@ -20,7 +20,10 @@ struct FieldEstimatorConfig {
   OrientationConfig orientation{.rate_density = 1e-6, .bias_density = 1e-7};
   double fix_sd_m = 0.004;      ///< of each coordinate that a camera sees
   double fix_sd_rad = 0.010;    ///< of the heading that a camera sees
-  double wheels_sd_mps = 0.15;  ///< of each component of the wheels' velocity
+  double wheels_sd_mps = 0.15;  ///< of each component of the wheels' velocity, at rest or at a steady speed
+  /// What the body's acceleration adds to it, squares summed [m/s per m/s²]. A wheel pushes by slipping, all of them
+  /// the same way, which goes on for longer than a measurement: 0.3 s stands for both. 0: they never slip.
+  double wheels_slip_s = 0;
 };
 
 /// Where an omnidirectional robot is on the field, and how it moves: predicted by accelerometer and gyro, corrected by

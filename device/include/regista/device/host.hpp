@@ -121,7 +121,7 @@ class DriverHost {
   void gone(Channel& channel, SessionId session);
   void receive(RequiredCore& device);
   void attend(RequiredCore& device, bool open);
-  void call_handler(PortCore& port, const AnyCommand& command);
+  Result<> call_handler(PortCore& port, const AnyCommand& command);
   void tell_driver(PortState& state, PortCore& port);
   void run_motion();
   void beat();

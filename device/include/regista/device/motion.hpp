@@ -48,6 +48,9 @@ class MotionGroup {
   /// Bring the device to rest, whoever drives it. Nobody but `by` moves it again before everybody has paused for a
   /// lease, or somebody takes it: else whoever streams commands would undo the stop. `reason` follows "stopped: ".
   void stop(SessionId by, const std::string& reason, Time now);
+  /// The driver did not take what step() returned. A destination is given up then, for nothing follows it that could be
+  /// taken; the owner stays, and may send it again. `reason`: why.
+  void refused(const std::string& reason, Time now);
   /// The driver was halted: nothing moves any more, nobody owns it.
   void halted(const std::string& reason, bool fault);
   /// The driver works again.
@@ -82,6 +85,7 @@ class MotionGroup {
   };
 
   void begin_stop(std::string reason, bool keep_owner, Time now);
+  void come_to_rest(std::string reason, Time now);
   void stand(Time now);
   void clamp(AnyCommand& command);
   [[nodiscard]] Error owned_by_other() const;

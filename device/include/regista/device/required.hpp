@@ -39,8 +39,8 @@ struct RequiredCore {
     return put(Mailbox<Inbound, 256>::no_lane, to, [&](auto& place) { place = std::forward<Message>(message); });
   }
   template <CommandType M>
-  bool command(const M& command) {
-    return put(lanes[index_in<M>(AnyCommand::Messages{})], {}, [&](auto& place) {
+  bool command(const M& command, const ReplyTo& to = {}) {
+    return put(lanes[index_in<M>(AnyCommand::Messages{})], to, [&](auto& place) {
       AnyCommand* any = std::get_if<AnyCommand>(&place);
       if (any == nullptr) any = &place.template emplace<AnyCommand>();
       spare_commands.assign(*any, command);
@@ -86,6 +86,21 @@ class Required {
     static_assert(detail::contains<M, typename I::Messages>, "a command of another interface");
     core_->commanded = true;
     return core_->command(command);
+  }
+
+  /// The same, and `handle(const Result<>&)` is told whether its driver took it, once. Not when this returns false. For
+  /// edges: a set-point that is refused comes again. A device of another server counts as having taken what was sent.
+  template <CommandType M, typename Handle>
+  bool send(const M& command, Handle handle) {
+    static_assert(detail::contains<M, typename I::Messages>, "a command of another interface");
+    static_assert(M::message.flow == Flow::edge, "only edges are answered");
+    core_->commanded = true;
+    const std::uint32_t number = ++core_->requests_sent;
+    if (!core_->command(command, {.session = core_->session, .sequence = number})) return false;
+    core_->waiting.emplace(number, [handle = std::move(handle)](const Result<AnyReply>& answer) mutable {
+      handle(answer ? Result<>{} : Result<>{answer.error()});
+    });
+    return true;
   }
 
   /// Ask the device; `handle(const Result<M::Reply>&)` has the answer, once. Not when this returns false: queue full.

@@ -14,7 +14,8 @@ struct RobotAddress {
   ssl::RobotId id;
   std::string host;
   std::uint16_t port = 6665;
-  std::uint16_t index = 1;  ///< of the position2d that takes poses
+  std::uint16_t index = 1;                  ///< of the position2d that takes poses
+  std::optional<std::uint16_t> motion = 0;  ///< of the one that tells how the robot turns
 };
 
 /// As what the bridge publishes tracked vision.
@@ -33,6 +34,7 @@ struct BridgeConfig {
   std::vector<std::string> publish;     ///< interfaces to send tracked vision out of
   std::optional<std::uint16_t> status_port;
   TrackerConfig tracking;
+  bool learn_delay = true;  ///< of `tracking`: nobody has told it
   std::vector<RobotAddress> robots;
 };
 

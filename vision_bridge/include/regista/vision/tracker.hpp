@@ -90,8 +90,12 @@ class Tracker {
   /// `source`: whoever sends, such as address and port; `arrival`: no earlier than that of the frame before.
   Verdict take(const ssl::Detection& frame, std::uint64_t source, Time arrival);
   void take(const ssl::Geometry& geometry);
+  /// From the next frame on: `delay` of the configuration.
   void set_delay(Duration delay) { config_.delay = delay; }
+  [[nodiscard]] Duration delay() const { return config_.delay; }
 
+  /// When the image of the last frame was taken.
+  [[nodiscard]] Time captured() const { return captured_; }
   /// Robots that the last frame corrected.
   [[nodiscard]] std::span<const ssl::RobotId> corrected() const { return corrected_; }
   /// Empty: not believed to be on the field. As of the newest image of it.
@@ -104,8 +108,6 @@ class Tracker {
   [[nodiscard]] const TrackerCounters& counters() const { return counters_; }
 
  private:
-  static constexpr std::size_t max_robots = std::size_t{2} * ssl::robots_per_team;
-
   struct Recent {
     std::uint32_t number = 0;
     double t_capture_s = -1;
@@ -169,14 +171,12 @@ class Tracker {
   void take_balls(std::span<const ssl::DetectedBall> balls, std::size_t camera, Time now);
   void suspect_ball(std::span<const ssl::DetectedBall> balls, std::size_t camera, Time now);
   bool in_field(double x, double y) const;
-  static std::size_t index(ssl::RobotId id) {
-    return id.number + (id.team == ssl::Team::blue ? std::size_t{ssl::robots_per_team} : 0);
-  }
 
   TrackerConfig config_;
   std::array<Camera, max_cameras> cameras_;
   std::vector<Robot> robots_;
   Ball ball_;
+  Time captured_{};
   std::vector<ssl::RobotId> corrected_;
   TrackerCounters counters_;
   double half_length_m_ = 50;  ///< with the margin; until geometry comes anything goes

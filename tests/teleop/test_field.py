@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A field robot, whose own planner drives lists of way-points: examples/field.cfg."""
+
+import contextlib
+import math
+import re
+import threading
+
+import pytest
+import regista
+from command_line import ROOT, Server, owned, wait_for
+from gateway import Gateway
+from observer import Observer
+from regista import Pose2d, planner
+
+
+@pytest.fixture(scope="module")
+def field(tmp_path_factory):
+    """The robot, its gateway, and another client that asks it."""
+    with Server(ROOT / "examples/field.cfg") as server:
+        gateway = Gateway(server.robot, folder=tmp_path_factory.mktemp("recordings"))
+        yield server, gateway
+        gateway.end()
+
+
+@pytest.fixture
+def ask(field):
+    """What the planner says of its mission."""
+    with regista.Robot("127.0.0.1", field[0].port, name="asker") as robot:
+        device = robot.device("planner:0")
+        localizer = robot.position2d(2)
+        while localizer.count == 0:  # it is silent until it knows where it is
+            robot.read(timeout=1)
+        yield lambda: device.request(planner.GetMission())
+
+
+@pytest.fixture
+def seen(field, ask):
+    with Observer(field[0]) as observer:
+        yield observer
+
+
+@pytest.fixture
+def page(field, seen, visit):
+    page = visit(field[1])
+    page.locator("#facts", has_text="tracking").wait_for()
+    yield page
+    if page.locator("#mission-cancel").is_visible():
+        page.locator("#mission-cancel").click()
+    seen.wait(lambda s: s.owner == "")
+    assert page.troubles == []
+
+
+def upload(page, *points):
+    for x, y in points:
+        page.locator("#go-x").fill(str(round(x, 2)))
+        page.locator("#go-y").fill(str(round(y, 2)))
+        page.locator("#go-add").click()
+    page.locator("#mission-start").click()
+
+
+def ahead(ask, field, *distances):
+    """Points on the way that the robot looks along."""
+    with regista.Robot("127.0.0.1", field[0].port) as robot:
+        localizer = robot.position2d(2)
+        while localizer.count == 0:
+            robot.read(timeout=1)
+        pose = localizer.state.pose
+    return [(pose.x + d * math.cos(pose.heading), pose.y + d * math.sin(pose.heading)) for d in distances]
+
+
+def test_the_planner_drives_the_way_points_pauses_and_goes_on(page, field, seen, ask):
+    points = ahead(ask, field, 1.0, 2.0)
+    upload(page, *points)
+    page.locator("#driver", has_text="driven by planner:0 for you").wait_for()
+    seen.wait_driving()
+    assert [ask().count, ask().state] == [2, planner.MissionState.driving]
+    page.locator("#mission-pause").click()
+    page.locator("#mission-state", has_text="paused").wait_for()
+    wait_for(lambda: ask().state is planner.MissionState.paused)
+    seen.wait(lambda s: s.state == "stopped")
+    page.locator("#reason", has_text="you paused it").wait_for()
+    page.locator("#mission-resume").click()
+    page.locator("#mission-state", has_text="running 1 of 2").wait_for()
+    page.locator("#mission-state", has_text="done 2 of 2").wait_for()
+    assert ask().state is planner.MissionState.finished
+    with regista.Robot("127.0.0.1", field[0].port) as robot:
+        truth = robot.position2d(1)
+        while truth.count == 0:
+            robot.read(timeout=1)
+        pose = truth.state.pose
+    assert math.hypot(pose.x - points[-1][0], pose.y - points[-1][1]) < 1
+
+
+def test_a_hand_takes_the_robot_from_its_planner_until_resume(page, field, seen, ask):
+    upload(page, *ahead(ask, field, 5.0))
+    seen.wait_driving()
+    page.locator("h1").click()
+    page.keyboard.down("s")
+    seen.wait(lambda s: s.velocity.x < -0.1)
+    assert seen.owner.startswith("teleop ")
+    page.keyboard.up("s")
+    page.locator("#mission-state", has_text="paused: you took the controls").wait_for()
+    seen.wait(lambda s: s.state == "stopped" and s.owner == "")
+    assert ask().state is planner.MissionState.paused
+
+
+def test_stop_stops_a_planner_and_a_hidden_page_pauses_it(page, field, seen, ask):
+    upload(page, *ahead(ask, field, 5.0))
+    seen.wait_driving()
+    page.keyboard.press("Space")
+    page.locator("#mission-state", has_text="paused: STOP").wait_for()
+    seen.wait(lambda s: s.state == "stopped")
+    page.locator("#mission-resume").click()
+    seen.wait_driving()
+    page.evaluate(
+        'Object.defineProperty(document, "hidden", { configurable: true, get: () => true });'
+        'document.dispatchEvent(new Event("visibilitychange"));'
+    )
+    page.locator("#mission-state", has_text="paused: the page is hidden").wait_for()
+    wait_for(lambda: ask().state is planner.MissionState.paused)
+    seen.wait(lambda s: s.state == "stopped")
+
+
+@contextlib.contextmanager
+def programmed(server, points):
+    """Another program's mission, kept alive on a thread of its own."""
+    end = threading.Event()
+
+    def drive():
+        with regista.Robot("127.0.0.1", server.port, name="nav@laptop") as robot:
+            device = robot.device("planner:0")
+            poses = [Pose2d(x, y, 0) for x, y in points]
+            device.request(planner.SetMission(id="survey", points=poses, actions=[]))
+            device.send(planner.RunCommand(id="survey"))
+            device.keep_alive(True)
+            while not end.is_set():
+                robot.read(timeout=0.05)
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()
+
+
+def test_another_programs_mission_is_shown_and_taken_over_only_on_purpose(page, field, seen, ask):
+    with programmed(field[0], ahead(ask, field, 8.0)):
+        page.locator("#driver", has_text="driven by planner:0 for nav@laptop (priority 10)").wait_for()
+        page.locator("#mission-state", has_text="running").wait_for()
+        page.locator("#go button[type=submit]").click()
+        page.locator("#log", has_text="nav@laptop drives planner:0: take over first").wait_for()
+        assert ask().id == "survey"
+        page.locator("#take").click()
+        page.locator("#driver", has_text="driven by you").wait_for()
+        wait_for(lambda: ask().state is planner.MissionState.paused)
+
+
+def test_a_mission_that_fails_says_why(page, field, seen, ask):
+    upload(page, *ahead(ask, field, 5.0))
+    seen.wait_driving()
+    with owned(field[0], "umpire", 20):  # the base, from under its planner
+        page.locator("#mission-state", has_text=re.compile("failed: the base does not do what it is told")).wait_for()
+    page.locator("#reason", has_text="mission failed: the base does not").wait_for()
+    page.locator("#log", has_text="the base does not do what it is told").wait_for()
