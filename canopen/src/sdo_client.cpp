@@ -93,7 +93,7 @@ void SdoClient::download(ObjectIndex object, Bytes data, SdoTransfer transfer, S
   begin(object, State::download_initiate, standard_request(), std::move(done), now);
 }
 
-bool SdoClient::expedited() const { return 1 <= data_.size() && data_.size() <= 4; }
+bool SdoClient::expedited() const { return !data_.empty() && data_.size() <= 4; }
 
 CanFrame SdoClient::standard_request() const {
   if (reading_) return frame(0x40);

@@ -59,8 +59,11 @@ class Drive:
         command = [sys.executable, PEER / "drive.py", *arguments, "--node", str(node)]
         self.node = node
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout.readline() == "ready\n" or wait_for(lambda: False)
         self.told = []
+        # A master that is there already may have told it something before it is ready.
+        for line in iter(self.process.stdout.readline, "ready\n"):
+            assert line, "the drive ended"
+            self.told.append(json.loads(line))
         threading.Thread(target=self.listen, daemon=True).start()
 
     def listen(self):

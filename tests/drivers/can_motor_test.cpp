@@ -137,6 +137,7 @@ TEST(CanMotor, without_power_makes_a_quick_stop_and_takes_the_voltage_away) {
   EXPECT_EQ(bench.rpm(1), 0);
 }
 
+// ros_canopen#413: the set-points of before a halt went on.
 TEST(CanMotor, a_set_point_is_0_until_a_drive_is_enabled) {
   Drives bench;
   bool enabled = false;

@@ -2,6 +2,7 @@
 """A CiA 402 drive in profile velocity mode on python-canopen: a slave that shares no code with ours.
 
 drive.py --interface socketcand|socketcan --channel BUS [--port PORT] [--node 5]... [--eds FILE] [--report SECONDS]
+         [--no-blocks]
 
 Boot-up, heartbeat both ways (1016, 1017), SDO of all kinds, PDOs mapped by SDO, SYNC, EMCY; no LSS. Without set-points
 for the time of 1400:05, or without the heartbeat of the master, it does what 6007 says: 0 nothing, 1 fault, 2 disable,
@@ -36,7 +37,7 @@ BEAT = 0.005  # [s]
 
 
 class Drive:
-    def __init__(self, network, node_id, eds, report=None):
+    def __init__(self, network, node_id, eds, report=None, blocks=True):
         self.network = network
         self.report = report  # [s]
         self.id = node_id
@@ -49,7 +50,8 @@ class Drive:
         self.changed = False
         self.consumed = None  # (node, last heard)
         self.node = canopen.LocalNode(node_id, str(eds))
-        self.node.sdo = BlockSdoServer(0x600 + node_id, 0x580 + node_id, self.node)
+        if blocks:
+            self.node.sdo = BlockSdoServer(0x600 + node_id, 0x580 + node_id, self.node)
         self.node.add_write_callback(self.on_write)
         self.node.add_read_callback(self.on_read)
         network.add_node(self.node)
@@ -345,9 +347,11 @@ def main():
     parser.add_argument("--node", type=int, action="append")
     parser.add_argument("--eds", default=Path(__file__).parents[2] / "data/canopen/drive.eds")
     parser.add_argument("--report", type=float)
+    parser.add_argument("--no-blocks", action="store_true", help="python-canopen's own SDO server")
     arguments = parser.parse_args()
     network = connect(arguments.interface, arguments.channel, arguments.port)
-    drives = [Drive(network, node, arguments.eds, arguments.report) for node in arguments.node or [5]]
+    blocks = not arguments.no_blocks
+    drives = [Drive(network, node, arguments.eds, arguments.report, blocks) for node in arguments.node or [5]]
     print("ready", flush=True)
     while drives:
         time.sleep(3600)
