@@ -16,7 +16,7 @@ trap end EXIT
 trap 'exit 0' INT TERM
 read -r -t 20 ready <&"${SERVING[0]}" || die "the server did not start"
 say "$ready"
-say "A field robot drives a mission on wheels, compass and GPS: examples/11_mission.cpp."
+say "A field robot drives a mission on two CAN drives, compass and GPS: examples/11_mission.cpp."
 
 sleep "$seconds" &
 timer=$!

@@ -16,6 +16,14 @@ void write(const std::filesystem::path& path, const std::string& text) {
   if (!file.flush()) throw std::runtime_error{"cannot write " + path.string() + ": is its folder there?"};
 }
 
+/// What people added to the page: from this line on it is kept.
+std::string written_by_hand(const std::filesystem::path& path) {
+  std::ifstream file{path};
+  const std::string page{std::istreambuf_iterator<char>{file}, {}};
+  const std::size_t at = page.find("\n<!-- By hand from here on. -->\n");
+  return at == std::string::npos ? "" : page.substr(at);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
@@ -29,7 +37,8 @@ int main(int argc, char** argv) try {
       ->capture_default_str()
       ->check(CLI::Range(2, 10000));
   app.add_option("--json", json, "Write the rows to this file, an array of objects; - for the standard output");
-  app.add_option("--markdown", markdown, "Write the tables to this file");
+  app.add_option("--markdown", markdown,
+                 "Write the tables to this file; what follows '<!-- By hand from here on. -->' in it stays");
   app.add_option("--plots", plots, "Write the plots, SVG, into this folder, and link them in the Markdown");
   CLI11_PARSE(app, argc, argv);
 
@@ -56,7 +65,8 @@ int main(int argc, char** argv) try {
     } else {
       for (auto& experiment : experiments) experiment.plots.clear();
     }
-    write(markdown, to_markdown(experiments, linked, command));
+    const std::string by_hand = written_by_hand(markdown);
+    write(markdown, to_markdown(experiments, linked, command) + by_hand);
   }
   if (!json.empty()) {
     auto rows = nlohmann::json::array();

@@ -445,7 +445,12 @@ def main():
 
     published = "speed 0.8 turn_speed 45.8"
     for name, points, gps in (("L scenario 1", SQUARE, FIELD_GPS), ("L scenario 2", ROWS, ROUGH_GPS)):
-        drives = [drive_lien(points, gps, published, seed=10 * run) for run in range(1, runs + 1)]
+        drives = []
+        for run in range(1, runs + 1):
+            drives.append(drive_lien(points, gps, published, seed=10 * run))
+            print(
+                name, drives[-1].stops, drives[-1].failures, f"{drives[-1].time_s:.0f} s", file=sys.stderr, flush=True
+            )
         stops = list(itertools.chain.from_iterable(drive.stops for drive in drives))
         row(name, "what the simulated truth came late by", "s", [stop.lag_s for stop in stops])
         row(name, "points not worked at", "1", [len(points) - len(drive.stops) for drive in drives])

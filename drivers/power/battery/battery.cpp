@@ -27,10 +27,19 @@ std::string text(const Supply& supply) {
   return std::string{percent} + (supply.charge_ratio && supply.voltage_v ? ", " : "") + voltage;
 }
 
+std::vector<Required<Position2d>> require_bases(Setup& setup) {
+  std::vector<Required<Position2d>> bases;
+  for (std::size_t i = 0; i < setup.config.device_names("requires").size(); ++i) {
+    bases.push_back(setup.require<Position2d>());
+  }
+  return bases;
+}
+
 }  // namespace
 
 BatteryDriver::BatteryDriver(Setup& setup)
     : port_{setup.provide<Power>()},
+      bases_{require_bases(setup)},
       level_text_{setup.property<std::string>("level", "good", {.read_only = true})},
       root_{setup.config.text("root", "/sys")},
       supply_name_{setup.config.text("supply", "")},
@@ -53,6 +62,12 @@ BatteryDriver::BatteryDriver(Setup& setup)
   }
   if (!sensor_.empty() && !supply_name_.empty()) {
     throw setup.config.error("sensor", "and 'supply' are two batteries: two drivers");
+  }
+  for (Required<Position2d>& base : bases_) {
+    // Whoever has paused may drive again: not for longer than until its base says so.
+    base.on_data<position2d::State>([this, &base](const position2d::State& state, Time) {
+      if (must_rest_ && state.velocity != BodyVelocity{}) (void)base.stop();
+    });
   }
 }
 
@@ -90,16 +105,24 @@ void BatteryDriver::judge() {
     level = Level::low;
   }
   const Level before = std::exchange(level_, level);
+  must_rest_ = level == Level::critical && !charging;
+  if (must_rest_) stop_bases();
   level_text_.set(level == Level::critical ? "critical" : level == Level::low ? "low" : "good");
   if (level == before) return;
   const std::string now = text(supply_) + (charging ? ", charging" : "");
   if (level == Level::critical) {
-    port_.tell(2, "battery critical: " + now + ": stop and charge it, or the computer will be off");
+    port_.tell(2, "battery critical: " + now +
+                      (must_rest_ && !bases_.empty() ? ": the robot is stopped until it is charged"
+                                                     : ": stop and charge it, or the computer will be off"));
   } else if (level == Level::low) {
     port_.tell(1, "battery low: " + now);
   } else {
     port_.tell(0, "battery good again: " + now);
   }
+}
+
+void BatteryDriver::stop_bases() {
+  for (Required<Position2d>& base : bases_) (void)base.stop();
 }
 
 void BatteryDriver::publish() {

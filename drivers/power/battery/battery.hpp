@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <regista/device/driver.hpp>
+#include <vector>
 
 #include "sysfs.hpp"
 
@@ -13,6 +14,9 @@ namespace regista {
 /// one that it does not.
 ///
 /// `power:0` has what is known: volts, watts, percent, joules, charging.
+///
+/// `requires ["position2d:0"]`, or several: bases that are stopped when it is critical, and again whenever they move,
+/// until it is charged or good again. With `alwayson yes`, or nobody watches while no client listens.
 ///
 /// | Key                | Value                                                                       | Default      |
 /// |--------------------|-----------------------------------------------------------------------------|--------------|
@@ -45,10 +49,12 @@ class BatteryDriver final : public Driver {
     double voltage_v = 0;
   };
 
+  void stop_bases();
   [[nodiscard]] bool is_below(const Thresholds& thresholds, double margin) const;
   void judge();
 
   Port<Power> port_;
+  std::vector<Required<Position2d>> bases_;
   Property<std::string> level_text_;
   std::filesystem::path root_;
   std::string supply_name_;
@@ -62,6 +68,7 @@ class BatteryDriver final : public Driver {
   std::filesystem::path folder_;
   Supply supply_;
   Level level_ = Level::good;
+  bool must_rest_ = false;  ///< critical, and not charging
 };
 
 }  // namespace regista

@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 
 import regista
 
-from . import bench, change, common, doctor, drive, joy, look, plot, record, replay, teleop, wire
+from . import bench, change, common, doctor, drive, joy, look, mission, plot, record, replay, teleop, wire
 
 EXIT_CODES = """\
 Exit codes:
@@ -82,7 +82,7 @@ def _options(
     pass
 
 
-for module in (look, doctor, change, drive, joy, teleop, record, replay, plot, bench, wire):
+for module in (look, doctor, change, drive, mission, joy, teleop, record, replay, plot, bench, wire):
     module.add_to(app)
 
 

@@ -123,6 +123,9 @@ class Required {
     return true;
   }
 
+  /// Ask for a stop, as any client may: whoever drives it loses it. False: its queue is full.
+  bool stop() { return core_->post(AnyRequest{player::Stop{{.interface = core_->interface, .index = core_->index}}}); }
+
   /// The device accepted the subscription that the host made before open(). It may fail later and come back: what
   /// tells is the age of its data.
   [[nodiscard]] bool connected() const { return core_->connected; }
