@@ -157,9 +157,10 @@ class Fusion {
       ++cameras;
     }
     mean /= cameras;
-    const double share = std::min(1.0, dt / (now - started_ < young ? young_s : model_.time_constant_s));
+    const double slowly = std::min(1.0, dt / model_.time_constant_s);
+    const double share = now - started_ < young ? std::min(1.0, dt / young_s) : slowly;
     // What it saw at first is a mean, not one frame with its noise.
-    if (cameras > 1) view.offset += std::max(share, 1 / ++view.times) * innovation;
+    if (cameras > 1) view.offset += std::max(slowly, 1 / ++view.times) * innovation;
     // The estimate takes up what the offsets give away, so that no innovation sees it.
     const Value given = share / cameras * mean;
     for (View& other : std::span{views_}.first(cameras_)) other.offset -= given;
