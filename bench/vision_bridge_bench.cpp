@@ -158,7 +158,7 @@ Child start_bridge(const Robots& robots, const ssl::Group& group) {
   std::string path = "/tmp/regista-bench-XXXXXX";
   const Descriptor file{::mkstemp(path.data())};
   std::ofstream config{path};
-  config << "vision(\n interfaces [\"lo\"]\n port " << group.port << "\n referee no\n)\n";
+  config << "vision(\n interfaces [\"lo\"]\n port " << group.port << "\n delay 0\n referee no\n)\n";
   for (std::size_t i = 0; i < robot_count; ++i) {
     const ssl::RobotId id = robot_id(i);
     config << "robot( team \"" << (id.team == ssl::Team::yellow ? "yellow" : "blue") << "\" id " << int{id.number}

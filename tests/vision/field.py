@@ -14,6 +14,7 @@ import time
 import tty
 from contextlib import ExitStack, contextmanager
 
+import pytest
 from league import BIN, ROOT, Bridge, free_udp_port, wait_for
 
 sys.path.append(str(ROOT / "tests/faults"))
@@ -56,22 +57,35 @@ class Stalls:
 
 def in_real_time(test):
     """What fails while something else keeps the machine for longer than a motor board waits (50 ms) says nothing of
-    us: it is done again, twice at most."""
+    us: it is done again when the machine is free, twice at most. Nothing is known if it never was."""
 
     @functools.wraps(test)
     def patient(tmp_path):
+        worst = 0.0
         for attempt in range(3):
+            await_calm()
             folder = tmp_path / str(attempt)
             folder.mkdir()
             with Stalls() as stalls:
                 try:
                     return test(folder)
                 except (AssertionError, TimeoutError):
-                    if stalls.worst < 0.04 or attempt == 2:
+                    if stalls.worst < 0.04:
                         raise
-            print(f"again: a pseudo-terminal was held up for {1e3 * stalls.worst:.0f} ms")
+            worst = stalls.worst
+            print(f"a pseudo-terminal was held up for {1e3 * worst:.0f} ms")
+        pytest.skip(f"the machine is too busy for real time: held up for {1e3 * worst:.0f} ms, three times")
 
     return patient
+
+
+def await_calm():
+    """A while without a stall, if there is one soon."""
+    for _ in range(50):
+        with Stalls() as stalls:
+            time.sleep(0.3)
+        if stalls.worst < 0.02:
+            return
 
 
 class Simulation:

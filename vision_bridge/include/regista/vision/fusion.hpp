@@ -28,9 +28,9 @@ struct MotionModel {
 /// second. It leaves rest when the mean of the last six or so innovations is beyond what noise does. What is six
 /// deviations off is believed when it comes three times in a row.
 ///
-/// Each camera has an offset to the estimate, which starts as what it saw first and relaxes until those that see it at
-/// present have none on average: so it moves steadily from the view of one camera into that of the next, however these
-/// are calibrated.
+/// Each camera has an offset to the estimate, which starts as the mean of what it saw first and relaxes until those
+/// that see it at present have none on average: so it moves steadily from the view of one camera into that of the next,
+/// however these are calibrated.
 template <int channels>
 class Fusion {
  public:
@@ -52,7 +52,7 @@ class Fusion {
     calm_s_ = 0;
     started_ = now;
     views_.fill({});
-    views_[camera] = {.offset = Value::Zero(), .seen = now, .known = true};
+    views_[camera] = {.offset = Value::Zero(), .seen = now, .times = 1, .known = true};
     cameras_ = camera + 1;
   }
 
@@ -87,7 +87,7 @@ class Fusion {
   /// of the measurement, as for predict().
   void correct(const Value& raw, double sd, std::size_t camera, Time now) {
     View& view = views_[camera];
-    if (!knows(camera, now)) view = {.offset = raw, .known = true};
+    if (!knows(camera, now)) view = {.offset = raw, .seen = {}, .times = 0, .known = true};
     cameras_ = std::max(cameras_, camera + 1);
     const double dt = std::min(seconds(now - view.seen), 0.1);
     view.seen = now;
@@ -114,6 +114,7 @@ class Fusion {
   struct View {
     Value offset = Value::Zero();
     Time seen{};
+    double times = 0;  ///< it was seen
     bool known = false;
   };
 
@@ -156,8 +157,10 @@ class Fusion {
       ++cameras;
     }
     mean /= cameras;
-    const double share = std::min(1.0, dt / (now - started_ < young ? young_s : model_.time_constant_s));
-    if (cameras > 1) view.offset += share * innovation;
+    const double slowly = std::min(1.0, dt / model_.time_constant_s);
+    const double share = now - started_ < young ? std::min(1.0, dt / young_s) : slowly;
+    // What it saw at first is a mean, not one frame with its noise.
+    if (cameras > 1) view.offset += std::max(slowly, 1 / ++view.times) * innovation;
     // The estimate takes up what the offsets give away, so that no innovation sees it.
     const Value given = share / cameras * mean;
     for (View& other : std::span{views_}.first(cameras_)) other.offset -= given;
