@@ -56,6 +56,8 @@ export class Robot {
   roundTrip: number | null = null; // s
   vision = ""; // what the base says of its camera
   place = ""; // what the localizer says of its sensors
+  refusal: { text: string; at: number } | null = null; // the last command that was, and when [ms]
+  motorsOff = false; // as far as anybody said
   missions = new Map<string, Mission>();
   trace: { x: number; y: number }[] = [];
   chosenBase: string | null = null;
@@ -288,11 +290,18 @@ export class World {
         robot.roundTrip = message.round_trip_s;
         robot.vision = message.vision ?? "";
         robot.place = message.place ?? "";
+        if (robot.base && robot.motion(robot.base)?.state === "driving") robot.motorsOff = false;
         break;
       }
-      case "event":
-        this.note(this.robots.get(message.robot)?.label ?? "", message.severity, message.text);
+      case "event": {
+        const robot = this.robots.get(message.robot);
+        this.note(robot?.label ?? "", message.severity, message.text);
+        if (robot && [robot.base, robot.planner].some((device) => message.text.startsWith(`${device} refused: `))) {
+          robot.refusal = { text: message.text, at: now };
+          robot.motorsOff ||= /motors are off/.test(message.text);
+        }
         break;
+      }
       case "mission": {
         const missions = this.robots.get(message.robot)?.missions;
         if (message.points.length > 0) missions?.set(message.device, message);
