@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a robot does not move, as the page says it; other operators, stops, and dead ends of the way to it: test_stops.py."""
+"""Why a robot does not move, as the page says it. Other operators, stops, connections: test_stops.py."""
 
 import pytest
 import regista

@@ -732,6 +732,7 @@ function standing(robot: Robot | null): Standing {
   if (robot.motorsOff) reasons.unshift("the motors are off: switch Motor power on, under Health");
   else if (robot.refusal && performance.now() - robot.refusal.at < REFUSAL_MS && (drives || motion.state === "stopped"))
     reasons.unshift(robot.refusal.text);
+  if (robot.driver(base)?.hung) reasons.unshift("its driver hangs");
   const { mission, planner } = robot;
   if (planner && mission && motion.state === "stopped" && !motion.owner && mission.state !== "running")
     reasons.unshift(`mission ${mission.state}${mission.reason && `: ${mission.reason}`}`);

@@ -167,6 +167,11 @@ export class Robot {
     return x == null || y == null || heading == null ? null : { x, y, heading };
   }
 
+  get moves(): boolean {
+    const { base } = this;
+    return base !== null && ["x", "y", "w"].some((axis) => Math.abs(this.get(base, `velocity.${axis}`) ?? 0) > 0.05);
+  }
+
   /** Where it may be: mean [m] and covariance [m²] of its position. */
   get belief(): { x: number; y: number; xx: number; yy: number; xy: number } | null {
     const device = this.localizer?.covariance ?? this.device("localize")?.address;
@@ -290,7 +295,7 @@ export class World {
         robot.roundTrip = message.round_trip_s;
         robot.vision = message.vision ?? "";
         robot.place = message.place ?? "";
-        if (robot.base && robot.motion(robot.base)?.state === "driving") robot.motorsOff = false;
+        if (robot.moves) robot.motorsOff = false;
         break;
       }
       case "event": {
