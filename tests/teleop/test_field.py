@@ -44,6 +44,11 @@ def seen(field, ask):
 def page(field, seen, visit):
     page = visit(field[1])
     page.locator("#facts", has_text="tracking").wait_for()
+    page.locator("#motors", has_text=re.compile("o(n|ff)$")).wait_for()
+    if "off" in page.locator("#motors").inner_text():  # its drives have no voltage before
+        page.locator("#reason", has_text="the motors are off").wait_for()
+        page.locator("#motors").click()
+        page.locator("#motors", has_text="Motor power: on").wait_for()
     yield page
     if page.locator("#mission-cancel").is_visible():
         page.locator("#mission-cancel").click()

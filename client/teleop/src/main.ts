@@ -429,7 +429,7 @@ element("motors").addEventListener("click", () => {
   if (!robot?.base) return;
   const on = robot.motorsOff;
   ask({ t: "motors", robot: robot.number, device: robot.base, on }, () => {
-    robot.motorsOff = !on;
+    robot.motorsRefused = !on;
     robot.refusal = null;
     drawPanels();
   });

@@ -57,7 +57,7 @@ export class Robot {
   vision = ""; // what the base says of its camera
   place = ""; // what the localizer says of its sensors
   refusal: { text: string; at: number } | null = null; // the last command that was, and when [ms]
-  motorsOff = false; // as far as anybody said
+  motorsRefused = false; // a command, because they were off
   missions = new Map<string, Mission>();
   trace: { x: number; y: number }[] = [];
   chosenBase: string | null = null;
@@ -167,6 +167,13 @@ export class Robot {
     return x == null || y == null || heading == null ? null : { x, y, heading };
   }
 
+  /** As its joints tell; of a base without, as far as it refused to drive for that. */
+  get motorsOff(): boolean {
+    const joints = this.device("actarray")?.address;
+    const on = joints ? this.get(joints, "motors_on") : null;
+    return on === null ? this.motorsRefused : on === 0;
+  }
+
   get moves(): boolean {
     const { base } = this;
     return base !== null && ["x", "y", "w"].some((axis) => Math.abs(this.get(base, `velocity.${axis}`) ?? 0) > 0.05);
@@ -247,6 +254,17 @@ export class World {
     return this.chosen === null ? null : (this.robots.get(this.chosen) ?? null);
   }
 
+  /** The playing field, unless the chosen robot drives elsewhere: by satellites. */
+  get pitch(): Field | null {
+    return this.robot?.device("gps") ? null : this.field;
+  }
+
+  /** Those on the same map as the chosen one. */
+  get around(): Robot[] {
+    const all = [...this.robots.values()];
+    return this.field ? all.filter((robot) => !robot.device("gps") === !this.robot?.device("gps")) : all;
+  }
+
   /** A robot's label, without the host where all have the same. */
   short(robot: Robot): string {
     const split = (label: string) => /^(\[.*\]|[^:]*):(\d+)$/.exec(label); // HOST:PORT, [IPv6]:PORT
@@ -295,7 +313,7 @@ export class World {
         robot.roundTrip = message.round_trip_s;
         robot.vision = message.vision ?? "";
         robot.place = message.place ?? "";
-        if (robot.moves) robot.motorsOff = false;
+        if (robot.moves) robot.motorsRefused = false;
         break;
       }
       case "event": {
@@ -303,7 +321,7 @@ export class World {
         this.note(robot?.label ?? "", message.severity, message.text);
         if (robot && [robot.base, robot.planner].some((device) => message.text.startsWith(`${device} refused: `))) {
           robot.refusal = { text: message.text, at: now };
-          robot.motorsOff ||= /motors are off/.test(message.text);
+          robot.motorsRefused ||= /motors are off/.test(message.text);
         }
         break;
       }
