@@ -395,6 +395,10 @@ void CanMotor::publish() {
   }
   state_.motors_on = group_->enabled() ? 1 : 0;
   wheels_.send(state_);
+  // Again and again: whoever comes later learns how many relays there are, and how they stand.
+  if (!relays_.empty()) {
+    relays_port_.send(dio::State{.count = static_cast<std::uint32_t>(relays_.size()), .bits = outputs_});
+  }
   if (voltages == 0) return;
   // Drives of one robot have one supply.
   power_.send(power::State{.valid = power::volts | (currents > 0 ? power::watts : 0U),

@@ -32,8 +32,8 @@ def environment(**more):
 class Server:
     """regista-server with a configuration, on a port of its own unless it is named."""
 
-    def __init__(self, config, port=0, listen="127.0.0.1"):
-        command = [SERVER, "--port", str(port), "--listen", listen, "--log-level", "off", config]
+    def __init__(self, config, port=0, listen="127.0.0.1", options=()):
+        command = [SERVER, "--port", str(port), "--listen", listen, "--log-level", "off", *options, config]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         ready = self.process.stdout.readline()
         assert ready.startswith("regista-server: ready on "), ready

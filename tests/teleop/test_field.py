@@ -6,12 +6,13 @@ import math
 import re
 import threading
 
+import numpy as np
 import pytest
 import regista
 from command_line import ROOT, Server, owned, wait_for
 from gateway import Gateway
 from observer import Observer
-from regista import Pose2d, planner
+from regista import Pose2d, localize, planner
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +45,11 @@ def seen(field, ask):
 def page(field, seen, visit):
     page = visit(field[1])
     page.locator("#facts", has_text="tracking").wait_for()
+    page.locator("#motors", has_text=re.compile("o(n|ff)$")).wait_for()
+    if "off" in page.locator("#motors").inner_text():  # its drives have no voltage before
+        page.locator("#reason", has_text="the motors are off").wait_for()
+        page.locator("#motors").click()
+        page.locator("#motors", has_text="Motor power: on").wait_for()
     yield page
     if page.locator("#mission-cancel").is_visible():
         page.locator("#mission-cancel").click()
@@ -165,3 +171,50 @@ def test_a_mission_that_fails_says_why(page, field, seen, ask):
         page.locator("#mission-state", has_text=re.compile("failed: the base does not do what it is told")).wait_for()
     page.locator("#reason", has_text="mission failed: the base does not").wait_for()
     page.locator("#log", has_text="the base does not do what it is told").wait_for()
+
+
+ELLIPSES = """
+window.ellipses = [];
+const draw = CanvasRenderingContext2D.prototype.ellipse;
+CanvasRenderingContext2D.prototype.ellipse = function (...values) {
+  window.ellipses = [values];
+  return draw.apply(this, values);
+};
+"""
+
+
+def test_the_ellipse_is_what_the_localizer_believes(field, ask, visit):
+    ask()
+    page = visit(field[1], script=ELLIPSES)
+    page.wait_for_function("ellipses.length > 0")
+    with regista.Robot("127.0.0.1", field[0].port) as robot:
+        device = robot.device("localize:1")
+        while device.latest(localize.State).count == 0:
+            robot.read(timeout=1)
+        (best,) = device.latest(localize.State).value.hypotheses
+    xx, yy, _, xy = best.covariance[:4]
+    smaller, larger = np.sqrt(np.linalg.eigvalsh(np.array([[xx, xy], [xy, yy]])))
+    _, _, a, b, *_ = page.evaluate("ellipses[0]")
+    assert a >= b > 0
+    assert a / b == pytest.approx(larger / smaller, rel=0.25)
+
+
+def test_way_points_have_latitudes_and_longitudes(page):
+    for x, y in ((0, 0), (100, 0), (0, 100)):
+        page.locator("#go-x").fill(str(x))
+        page.locator("#go-y").fill(str(y))
+        page.locator("#go-add").click()
+    page.locator("#points li", has_text="63.4").nth(2).wait_for()
+    shown = [re.search(r"\((.*), (.*)\)", text) for text in page.locator("#points li").all_inner_texts()]
+    (lat0, lon0), (_, lon1), (lat1, _) = [(float(one[1]), float(one[2])) for one in shown]
+    assert (lat0, lon0) == (
+        pytest.approx(63.4178, abs=3e-6),
+        pytest.approx(10.4018, abs=5e-6),
+    )  # the datum in field.cfg
+    # The length of a degree, as series in the latitude: American Practical Navigator (NGA), 2002, table 7.
+    phi = math.radians(lat0)
+    north = 111132.92 - 559.82 * math.cos(2 * phi) + 1.175 * math.cos(4 * phi)
+    east = 111412.84 * math.cos(phi) - 93.5 * math.cos(3 * phi) + 0.118 * math.cos(5 * phi)
+    assert lat1 - lat0 == pytest.approx(100 / north, abs=2e-6)
+    assert lon1 - lon0 == pytest.approx(100 / east, abs=2e-6)
+    page.locator("#facts", has_text=re.compile("GPS.*satellites, ±")).wait_for()

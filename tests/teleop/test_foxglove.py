@@ -6,6 +6,7 @@ import json
 import socket
 import struct
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 
 import aiohttp
 from command_line import REGISTA, environment
@@ -40,8 +41,9 @@ def test_foxglove_reads_what_the_robot_says(robot, tmp_path):
     gateway = Gateway(robot.robot, folder=tmp_path, options=("--foxglove", str(port)))
     try:
         topic = f"/127.0.0.1_{robot.port}/power/0/state"
-        talk = asyncio.wait_for(first_message(f"ws://127.0.0.1:{port}", topic), 60)
-        info, channel, nanoseconds, message = asyncio.run(talk)
+        talk = first_message(f"ws://127.0.0.1:{port}", topic)
+        with ThreadPoolExecutor() as threads:  # the driver of the browser has an event loop on this one
+            info, channel, nanoseconds, message = threads.submit(asyncio.run, asyncio.wait_for(talk, 60)).result()
     finally:
         gateway.end()
     assert info["name"] == "regista"

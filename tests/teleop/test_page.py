@@ -78,6 +78,8 @@ def test_axe_finds_nothing(shared, visit, scheme, width):
     page.set_viewport_size({"width": width, "height": 844})
     page.add_script_tag(content=Path(AXE).read_text())
     page.locator("#pad summary").click()
+    for _ in range(2):
+        page.locator("#go-add").click()
     found = page.evaluate("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.target.join(' '))]))")
     assert found == []
 
@@ -101,6 +103,22 @@ def test_the_keyboard_reaches_everything(shared, visit):
     page.locator("[data-tool=points]").focus()
     page.keyboard.press("Enter")
     assert page.locator("[data-tool=points]").get_attribute("aria-pressed") == "true"
+
+
+def test_way_points_are_sorted_by_the_keyboard(shared, visit):
+    page = visit(shared[1])
+    for x in (1, 2, 3):
+        page.locator("#go-x").fill(str(x))
+        page.locator("#go-add").click()
+    page.get_by_label("Way-point 3 earlier").focus()
+    for _ in range(2):  # the focus goes with the point
+        page.wait_for_timeout(250)  # while the panels are drawn anew
+        page.keyboard.press("Enter")
+    assert [text[:4] for text in page.locator("#points li span").all_inner_texts()] == ["3.00", "1.00", "2.00"]
+    page.get_by_label("Remove way-point 1").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    assert [text[:4] for text in page.locator("#points li span").all_inner_texts()] == ["2.00"]
 
 
 def test_robots_have_names_and_addresses_of_all_kinds(robot, start, visit):

@@ -33,8 +33,9 @@ function press(id: string, on: boolean): void {
   element(id).setAttribute("aria-pressed", String(on));
 }
 
-function isPressed(id: string): boolean {
-  return element(id).getAttribute("aria-pressed") === "true";
+function isPressed(button: string | Element): boolean {
+  const found = typeof button === "string" ? element(button) : button;
+  return found.getAttribute("aria-pressed") === "true";
 }
 
 function make(tag: string, text = "", className = ""): HTMLElement {
@@ -424,9 +425,14 @@ element("base").addEventListener("change", () => {
 element("sideways").addEventListener("click", () => press("sideways", !isPressed("sideways")));
 element("alone").addEventListener("click", () => press("alone", !isPressed("alone")));
 element("motors").addEventListener("click", () => {
-  const on = !isPressed("motors");
   const { robot } = world;
-  if (robot?.base) ask({ t: "motors", robot: robot.number, device: robot.base, on }, () => press("motors", on));
+  if (!robot?.base) return;
+  const on = robot.motorsOff;
+  ask({ t: "motors", robot: robot.number, device: robot.base, on }, () => {
+    robot.motorsRefused = !on;
+    robot.refusal = null;
+    drawPanels();
+  });
 });
 
 function kick(action: string): void {
@@ -472,6 +478,7 @@ function choose(number: number): void {
   if (world.chosen === number) return;
   loseGrip();
   world.chosen = number;
+  for (const action of ["dribble", "charge"]) press(action, false);
   map.draft = [];
   drawRobots();
   drawFields();
@@ -722,6 +729,10 @@ function standing(robot: Robot | null): Standing {
   if (!motion) return { state: "…", driver: robot.label, reason: "", level: "idle" };
   const levels = { driving: "good", stopping: "warn", stopped: "idle", fault: "bad" } as const;
   const reasons = motion.state === "driving" ? [] : [motion.reason];
+  if (robot.motorsOff) reasons.unshift("the motors are off: switch Motor power on, under Health");
+  else if (robot.refusal && performance.now() - robot.refusal.at < REFUSAL_MS && (drives || motion.state === "stopped"))
+    reasons.unshift(robot.refusal.text);
+  if (robot.driver(base)?.hung) reasons.unshift("its driver hangs");
   const { mission, planner } = robot;
   if (planner && mission && motion.state === "stopped" && !motion.owner && mission.state !== "running")
     reasons.unshift(`mission ${mission.state}${mission.reason && `: ${mission.reason}`}`);
@@ -729,9 +740,12 @@ function standing(robot: Robot | null): Standing {
     state: motion.state.toUpperCase(),
     driver: `${robot.label} · driven by ${driverOf(robot, motion)}`,
     reason: reasons.join(" · "),
-    level: reasons.some((reason) => /^no command for/.test(reason)) ? "warn" : levels[motion.state],
+    level: reasons.some((reason) => /^no command for| refused: |^the motors are off/.test(reason))
+      ? "warn"
+      : levels[motion.state],
   };
 }
+const REFUSAL_MS = 6000; // the server tells of refusals once in five seconds
 
 function driverOf(robot: Robot, motion: Motion): string {
   const { planner } = robot;
@@ -761,6 +775,8 @@ function drawPanels(): void {
   const mine = owners(robot).includes(myName);
   element("controls").hidden = !connected || yours;
   setText("controls", taken ? "Another page drives: take the controls" : "Take the controls");
+  press("motors", !robot?.motorsOff);
+  setText("motors", robot?.motorsOff ? "Motor power: off" : "Motor power: on");
   element("take").hidden = !yours || owners(robot).length === 0 || mine;
   element("give").hidden = !yours || !mine;
   const select = element<HTMLSelectElement>("base");
@@ -827,7 +843,6 @@ function drawKicker(robot: Robot | null): void {
   setText("kicker-state", `${charged}${ball}, ${robot.get(device, "kick_count") ?? 0} kicks`);
 }
 
-let outputs = 0;
 function drawRelays(robot: Robot | null): void {
   const device = robot?.device("dio")?.address;
   if (!robot || !device) return;
@@ -838,17 +853,20 @@ function drawRelays(robot: Robot | null): void {
     parent.replaceChildren(
       ...Array.from({ length: count }, (_, i) => {
         const relay = button(String(i), `Relay ${i}`, () => {
-          outputs = (outputs ^ (1 << i)) >>> 0;
-          askRobot("outputs", device, { count, bits: outputs });
+          const now = world.robot?.device("dio")?.address;
+          const wanted = !isPressed(relay);
+          const all = [...parent.children].map((one, k) => (k === i ? wanted : isPressed(one)));
+          const sum = all.reduce((bits, on, k) => (on ? bits + 2 ** k : bits), 0);
+          askRobot("outputs", now, { count, bits: sum });
         });
         relay.className = "relay";
         return relay;
       }),
     );
   }
+  // As the robot says that they stand.
   [...parent.children].forEach((relay, i) => {
-    relay.setAttribute("aria-pressed", String(((outputs >>> i) & 1) === 1));
-    relay.classList.toggle("high", ((bits >>> i) & 1) === 1);
+    relay.setAttribute("aria-pressed", String(((bits >>> i) & 1) === 1));
   });
 }
 
@@ -861,7 +879,8 @@ function drawHealth(robot: Robot | null, base: string | null): void {
   bar.dataset.level = (percent ?? 100) < 15 ? "bad" : (percent ?? 100) < 30 ? "warn" : "";
   if (robot && (percent !== null || volts !== null)) {
     const text = [percent === null ? "" : `${percent.toFixed(0)} %`, volts === null ? "" : `${volts.toFixed(1)} V`];
-    facts.push(["Battery", text.filter(Boolean).join("  "), (percent ?? 100) < 15 ? "bad" : ""]);
+    const level = (percent ?? 100) < 10 ? "critical: charge it" : (percent ?? 100) < 20 ? "low" : "";
+    facts.push(["Battery", [...text, level].filter(Boolean).join("  "), (percent ?? 100) < 15 ? "bad" : ""]);
   }
   if (robot && base) {
     const now = performance.now();

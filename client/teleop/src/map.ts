@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The map: a field or a grid of metres, what is on it, and the mouse or fingers that point at it.
-import type { Point } from "./protocol";
+import type { Field, Point } from "./protocol";
 import type { Pose, Robot, World } from "./robots";
 
 export type Tool = "look" | "go" | "points";
@@ -50,6 +50,7 @@ export class FieldMap {
   #centre = { x: 0, y: 0 }; // m, in the middle
   #scale = 100; // px/m
   #fitted = false;
+  #pitch: Field | null = null; // that was fitted
   #width = 0; // px
   #height = 0;
   #pointers = new Map<number, { x: number; y: number }>();
@@ -97,11 +98,11 @@ export class FieldMap {
   /** Everything that is known, in view. */
   fit(): void {
     const points: { x: number; y: number }[] = [];
-    for (const robot of this.world.robots.values()) {
+    for (const robot of this.world.around) {
       if (robot.pose) points.push(robot.pose);
       for (const mission of robot.missions.values()) for (const [x, y] of mission.points) points.push({ x, y });
     }
-    const field = this.world.field;
+    const field = this.world.pitch;
     if (field) {
       const [x, y] = [field.length_m / 2 + field.boundary_m, field.width_m / 2 + field.boundary_m];
       points.push({ x, y }, { x: -x, y: -y });
@@ -202,7 +203,7 @@ export class FieldMap {
   }
 
   #at(x: number, y: number): Robot | null {
-    for (const robot of this.world.robots.values()) {
+    for (const robot of this.world.around) {
       if (!robot.pose) continue;
       const at = this.toScreen(robot.pose.x, robot.pose.y);
       if (Math.hypot(at.x - x, at.y - y) < Math.max(20, ROBOT_SIZE * this.#scale)) return robot;
@@ -214,18 +215,22 @@ export class FieldMap {
 
   draw(now: number): void {
     const context = this.#context;
-    if (!this.#fitted && this.#width > 0 && (this.world.field || [...this.world.robots.values()].some((r) => r.pose))) {
+    if (this.#pitch !== this.world.pitch) {
+      this.#pitch = this.world.pitch;
+      this.#fitted = false;
+    }
+    if (!this.#fitted && this.#width > 0 && (this.world.pitch || this.world.around.some((r) => r.pose))) {
       this.#fitted = true;
       this.fit();
     }
     context.clearRect(0, 0, this.#width, this.#height);
-    if (this.world.field) this.#field();
+    if (this.world.pitch) this.#field();
     else this.#grid();
-    for (const robot of this.world.robots.values()) this.#trace(robot);
-    for (const robot of this.world.robots.values()) this.#missions(robot);
+    for (const robot of this.world.around) this.#trace(robot);
+    for (const robot of this.world.around) this.#missions(robot);
     this.#points(this.draft, -1, this.#style.accent as string, null);
-    this.#ball(now);
-    for (const robot of this.world.robots.values()) this.#robot(robot, now);
+    if (this.world.pitch) this.#ball(now);
+    for (const robot of this.world.around) this.#robot(robot, now);
     if (this.#aim) this.#goal([this.#aim.from.x, this.#aim.from.y, this.#heading()], this.#style.accent as string);
     this.#ruler();
   }
@@ -262,7 +267,7 @@ export class FieldMap {
   }
 
   #field(): void {
-    const field = this.world.field;
+    const field = this.world.pitch;
     if (!field) return;
     const context = this.#context;
     const scale = this.#scale;
@@ -480,11 +485,11 @@ export class FieldMap {
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "top";
-    const ink = this.world.field ? "on-field" : stale ? "muted" : "text";
+    const ink = this.world.pitch ? "on-field" : stale ? "muted" : "text";
     context.fillStyle = this.#style[ink] as string;
     const seconds = age === null ? "" : ` · ${age < 10 ? age.toFixed(1) : age.toFixed(0)} s old`;
     const label = this.world.short(robot) + (stale ? seconds : "");
-    context.strokeStyle = (this.world.field ? this.#style.field : this.#style.card) as string;
+    context.strokeStyle = (this.world.pitch ? this.#style.field : this.#style.card) as string;
     context.lineWidth = 4;
     context.lineJoin = "round";
     context.strokeText(label, at.x, at.y + Math.max(length, width) * 1.3 + 9);

@@ -56,6 +56,8 @@ export class Robot {
   roundTrip: number | null = null; // s
   vision = ""; // what the base says of its camera
   place = ""; // what the localizer says of its sensors
+  refusal: { text: string; at: number } | null = null; // the last command that was, and when [ms]
+  motorsRefused = false; // a command, because they were off
   missions = new Map<string, Mission>();
   trace: { x: number; y: number }[] = [];
   chosenBase: string | null = null;
@@ -165,6 +167,18 @@ export class Robot {
     return x == null || y == null || heading == null ? null : { x, y, heading };
   }
 
+  /** As its joints tell; of a base without, as far as it refused to drive for that. */
+  get motorsOff(): boolean {
+    const joints = this.device("actarray")?.address;
+    const on = joints ? this.get(joints, "motors_on") : null;
+    return on === null ? this.motorsRefused : on === 0;
+  }
+
+  get moves(): boolean {
+    const { base } = this;
+    return base !== null && ["x", "y", "w"].some((axis) => Math.abs(this.get(base, `velocity.${axis}`) ?? 0) > 0.05);
+  }
+
   /** Where it may be: mean [m] and covariance [m²] of its position. */
   get belief(): { x: number; y: number; xx: number; yy: number; xy: number } | null {
     const device = this.localizer?.covariance ?? this.device("localize")?.address;
@@ -240,6 +254,17 @@ export class World {
     return this.chosen === null ? null : (this.robots.get(this.chosen) ?? null);
   }
 
+  /** The playing field, unless the chosen robot drives elsewhere: by satellites. */
+  get pitch(): Field | null {
+    return this.robot?.device("gps") ? null : this.field;
+  }
+
+  /** Those on the same map as the chosen one. */
+  get around(): Robot[] {
+    const all = [...this.robots.values()];
+    return this.field ? all.filter((robot) => !robot.device("gps") === !this.robot?.device("gps")) : all;
+  }
+
   /** A robot's label, without the host where all have the same. */
   short(robot: Robot): string {
     const split = (label: string) => /^(\[.*\]|[^:]*):(\d+)$/.exec(label); // HOST:PORT, [IPv6]:PORT
@@ -288,11 +313,18 @@ export class World {
         robot.roundTrip = message.round_trip_s;
         robot.vision = message.vision ?? "";
         robot.place = message.place ?? "";
+        if (robot.moves) robot.motorsRefused = false;
         break;
       }
-      case "event":
-        this.note(this.robots.get(message.robot)?.label ?? "", message.severity, message.text);
+      case "event": {
+        const robot = this.robots.get(message.robot);
+        this.note(robot?.label ?? "", message.severity, message.text);
+        if (robot && [robot.base, robot.planner].some((device) => message.text.startsWith(`${device} refused: `))) {
+          robot.refusal = { text: message.text, at: now };
+          robot.motorsRefused ||= /motors are off/.test(message.text);
+        }
         break;
+      }
       case "mission": {
         const missions = this.robots.get(message.robot)?.missions;
         if (message.points.length > 0) missions?.set(message.device, message);

@@ -37,6 +37,7 @@ SHOWN = (
     "planner",
 )
 STATUS_SECONDS = 0.2
+REST_SECONDS = 0.5 + 2 * STATUS_SECONDS  # a lease, and what we learn late
 RETRY_SECONDS = (0.2, 0.5, 1.0, 2.0)
 RECORD_LIMIT = 10_000  # messages between two looks
 PEOPLE = 20  # the priority of what a person does by hand
@@ -84,6 +85,7 @@ class Link:
         self._hands: dict[str, Hand] = {}
         self._missions: dict[str, Mission | PlannerMission] = {}  # by the base or the planner that drives
         self._grabbing: asyncio.Task[None] | None = None  # a base from its planner
+        self._stopping_at = -math.inf  # when a device was last told to stop, or seen on its way to rest [s]
         self._look = asyncio.Event()
         self._seen: str | None = None
         self._localizer: str | None = None
@@ -174,6 +176,8 @@ class Link:
         for driver in status["drivers"]:
             for device in driver["devices"]:
                 for motion in device["motion"]:
+                    if motion["state"] == "stopping":
+                        self._stopping_at = time.monotonic()
                     await self._watch_mission(device["device"], motion)
 
     async def _say(self, robot: regista.asyncio.Robot, device: str | None, key: str) -> str:
@@ -311,6 +315,7 @@ class Link:
     async def stop(self) -> None:
         """Every device to rest, whoever drives it."""
         self.let_go()
+        self._stopping_at = time.monotonic()
         robot = self._opening or self._connected()
         for address, mission in self._missions.items():
             if mission.state is State.RUNNING:
@@ -342,6 +347,7 @@ class Link:
         self.let_go()
         planned = self._missions.get(device)
         if isinstance(planned, PlannerMission):
+            await self._rest()
             await planned.go(points, alone=alone)
         else:
             self._missions[device] = Mission(self._base(device), points, alone=alone)
@@ -357,6 +363,8 @@ class Link:
         if device not in self._missions:
             raise ValueError("that list of way-points is gone: start it again")
         self.let_go()
+        if isinstance(self._missions[device], PlannerMission):
+            await self._rest()
         await self._missions[device].resume()
         self._tell_mission(device)
         self._look.set()
@@ -417,6 +425,11 @@ class Link:
         if self._robot is None:
             raise regista.ConnectionError(f"{self.label} is not connected")
         return self._robot
+
+    async def _rest(self) -> None:
+        """What was stopped takes commands again from whoever paused for a lease: a planner does not, it drives on."""
+        while (left := self._stopping_at + REST_SECONDS - time.monotonic()) > 0:
+            await asyncio.sleep(left)
 
     def _planned(self) -> list[PlannerMission]:
         return [mission for mission in self._missions.values() if isinstance(mission, PlannerMission)]
