@@ -403,6 +403,23 @@ TEST(CanMotor, takes_a_drive_over_that_is_up_and_has_a_target) {
   }
 }
 
+TEST(CanMotor, takes_the_voltage_away_from_a_drive_that_does_not_take_another_target) {
+  Drives bench;
+  bool without_voltage = false;
+  bench.drives->bus().lose = [&](const canopen::CanFrame& frame) {
+    const auto is = [&](std::uint8_t command, std::uint16_t index) {
+      return frame.id == 0x605 && frame.data[0] == command && canopen::get_le(frame.bytes().subspan(1, 2)) == index;
+    };
+    if (is(0x40, 0x60FF)) bench.drives->drive(0).slave().set({0x60FF, 0}, 500);
+    without_voltage = without_voltage || (is(0x2B, 0x6040) && frame.data[4] == 0);
+    return false;
+  };
+  bench.run(500ms);
+  EXPECT_TRUE(without_voltage);
+  EXPECT_NE(bench.events().find("node 5: 60FF:00 was written and reads back differently"), std::string::npos)
+      << "and it is not enabled";
+}
+
 /// The whole driver with a DCF beside its .cfg, or what was wrong with it.
 struct WithDcf {
   explicit WithDcf(const std::string& objects, const std::string& name = "drive.dcf") {
