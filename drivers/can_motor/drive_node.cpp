@@ -290,16 +290,16 @@ void DriveNode::enter(Step step) {
       std::vector<canopen::MappedObject> mapped;
       for (const Reading& reading : readings_[reading_]) mapped.push_back({reading.object, reading.bits});
       PdoMapping mapping{std::move(mapped)};
-      return configure(canopen::pdo_writes(node_, transmitted(3 + static_cast<int>(reading_), mapping)),
-                       [this, mapping](const Result<>& done) {
-                         // Not every drive measures this.
-                         reading_maps_.push_back(mapping);
-                         if (!done) {
-                           events_.tell(0, title() + ": does not tell all that it measures: " + reason(done.error()));
-                         }
-                         ++reading_;
-                         enter(Step::readings);
-                       });
+      return map(transmitted(3 + static_cast<int>(reading_), mapping), [this, mapping](const Result<>& done) {
+        // Not every drive measures this: nothing is taken from a PDO that has, or may have, something else.
+        reading_maps_.push_back(mapping);
+        if (!done) {
+          readings_[reading_].clear();
+          events_.tell(0, title() + ": does not tell all that it measures: " + reason(done.error()));
+        }
+        ++reading_;
+        enter(Step::readings);
+      });
     }
     case Step::starting:
       due_ = master_.now() + patience;

@@ -351,6 +351,15 @@ TEST(CanMotor, refuses_a_drive_without_profile_velocity) {
   EXPECT_EQ(refused.error().what, "node 5: has no profile velocity mode: 6502:00 is 0x00000001");
 }
 
+TEST(CanMotor, takes_the_first_bytes_of_an_object_that_is_longer_than_it_should_be) {
+  Drives bench{"", changed([](ObjectDictionary& dictionary) {
+                 dictionary.objects.at({0x6502, 0}).value = canopen::Bytes(12, 0xFF);
+                 dictionary.objects.at({0x6075, 0}).value = canopen::Bytes(12, 0xFF);
+               })};
+  const auto up = bench.up();
+  EXPECT_TRUE(up) << up.error().message();
+}
+
 void fix_pdo(ObjectDictionary& dictionary, std::uint16_t communication, std::uint32_t cob_id,
              std::initializer_list<std::uint32_t> mapping) {
   const auto fix = [&](ObjectIndex object, std::uint64_t value) {
@@ -372,6 +381,19 @@ TEST(CanMotor, uses_fixed_pdos_that_are_as_they_should_be) {
                })};
   bench.run(1s);
   EXPECT_NE(bench.events().find("node 5: up, switch on disabled"), std::string::npos);
+}
+
+TEST(CanMotor, takes_measurements_from_a_fixed_pdo_that_has_them_and_from_no_other) {
+  const auto voltage = [](std::initializer_list<std::uint32_t> mapping) -> std::optional<float> {
+    Drives bench{"", changed([&](ObjectDictionary& dictionary) { fix_pdo(dictionary, 0x1802, 0x385, mapping); })};
+    EXPECT_TRUE(bench.up());
+    bench.run(500ms);
+    const std::string text = bench.text("node5");
+    if (text.find(" V") == std::string::npos) return {};
+    return std::stof(text.substr(text.rfind(", ", text.find(" V")) + 2));
+  };
+  EXPECT_EQ(voltage({0x60790020, 0x60780010, 0x60770010}), 48);
+  EXPECT_EQ(voltage({0x60640020, 0x606C0020}), std::nullopt) << "position and speed";
 }
 
 TEST(CanMotor, says_which_fixed_pdo_is_not_as_it_should_be) {
