@@ -330,7 +330,8 @@ void CanMotor::close() noexcept {
 
 void CanMotor::halt() noexcept {
   std::ranges::fill(targets_, 0);
-  if (group_) group_->stop("the drives are off: ask for POWER 1", now_);
+  // What stopped them stays what they are refused with.
+  if (group_ && !group_->stopped()) group_->stop("the drives are off: ask for POWER 1", now_);
 }
 
 Result<> CanMotor::set_speeds(std::span<const float> radps) {

@@ -37,6 +37,7 @@ class DriveGroup final : public canopen::Station {
   void enable(std::function<void(Result<>)> done, Time now);
   /// A quick stop of all, then no voltage. `reason` is what commands are refused with.
   void stop(const std::string& reason, Time now);
+  [[nodiscard]] bool stopped() const { return mode_ == Mode::stopped; }
   [[nodiscard]] bool enabled() const { return mode_ == Mode::enabled; }
   /// In the drives' own unit, one for each; sent at once. Fails with the reason of the last stop.
   Result<> set_targets(std::span<const std::int32_t> targets, Time now);
@@ -49,8 +50,10 @@ class DriveGroup final : public canopen::Station {
   [[nodiscard]] const canopen::Master& master() const { return master_; }
 
  private:
-  enum class Mode : std::uint8_t { stopped, awaiting, enabling, enabled };  ///< awaiting: that all are up
+  /// awaiting: that all are up; until then none is enabled.
+  enum class Mode : std::uint8_t { stopped, awaiting, enabling, enabled };
 
+  void stop(const Error& why, Time now);
   void trouble(const std::string& reason);
   void finish(Result<> result);
   void send_all(Time now);

@@ -93,10 +93,26 @@ TEST(CanMotor, power_that_was_refused_for_a_missing_drive_is_not_switched_on_whe
   const auto refused = bench.power_up();
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().what.substr(0, 7), "node 6:");
+  bench.events();
+  bench.turn(1, 1, 100ms);
+  EXPECT_EQ(bench.events().substr(0, 27), "actarray:0 refused: node 6:");
   bench.drives->port_of(1).connect(true);
   bench.run(3s);
   EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
   EXPECT_EQ(bench.state(1), Cia402State::switch_on_disabled);
+}
+
+TEST(CanMotor, an_emergency_while_drives_are_awaited_refuses_power_and_blocks_nobody) {
+  Drives bench;
+  bench.drives->port_of(1).connect(false);
+  bench.run(900ms);
+  ASSERT_EQ(bench.ask(actarray::SetPower{.on = 1}).error().code, std::errc::timed_out);
+  bench.drives->drive(0).fail(0x3210, bench.now());
+  bench.run(20ms);
+  ASSERT_TRUE(bench.last_reply());
+  ASSERT_FALSE(*bench.last_reply());
+  EXPECT_NE(bench.last_reply()->error().what.find("EMCY 0x3210"), std::string::npos);
+  EXPECT_EQ(bench.events().find("stopped"), std::string::npos);
 }
 
 TEST(CanMotor, turns_each_wheel_at_its_own_speed_and_tells_how_far) {
