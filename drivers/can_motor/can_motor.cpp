@@ -277,7 +277,10 @@ Result<> CanMotor::switch_object(const Relay& relay) {
       relay.node, relay.object,
       [this, relay, ours, told](const Result<canopen::Bytes>& before) {
         if (!before) return told(before.error());
-        if (before->empty() || before->size() > 8) return;
+        if (before->empty() || before->size() > 8) {
+          return told({std::errc::bad_message, "node " + std::to_string(relay.node) + ": " + to_string(relay.object) +
+                                                   " has " + std::to_string(before->size()) + " bytes, not 1 to 8"});
+        }
         std::uint32_t switched = 0;  // which of our outputs
         std::uint64_t value = canopen::get_le(*before) & ~ours;
         for (std::size_t i = 0; i < relays_.size(); ++i) {
