@@ -259,7 +259,7 @@ const DriveNode& CanMotor::drive_of(const Relay& relay) const {
 
 Result<> CanMotor::switch_object(const Relay& relay) {
   canopen::Master& master = group_->master();
-  const auto told = [this, relay](const Error& error) { relays_port_.tell(2, "relays: " + error.message()); };
+  const auto told = [this](const Error& error) { relays_port_.tell(2, "relays: " + error.message()); };
   std::uint64_t ours = 0;
   for (const Relay& other : relays_) {
     if (other.node == relay.node && other.object == relay.object) ours |= 1ULL << other.bit;
