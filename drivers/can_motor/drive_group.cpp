@@ -94,6 +94,10 @@ void DriveGroup::stop(const std::string& reason, Time now) {
   finish(Error{std::errc::operation_canceled, reason});
 }
 
+void DriveGroup::power_off(Time now) {
+  stop(mode_ == Mode::stopped ? std::string{stopped_because_} : "the drives are off: ask for POWER 1", now);
+}
+
 void DriveGroup::finish(Result<> result) {
   if (const auto done = std::exchange(done_, {})) done(std::move(result));
 }
