@@ -136,9 +136,8 @@ std::string hex(std::uint64_t value, int digits) {
 std::string to_string(ObjectIndex object) { return hex(object.index, 4) + ":" + hex(object.sub, 2); }
 
 std::uint64_t get_le(ByteView bytes) {
-  assert(bytes.size() <= 8);
   std::uint64_t value = 0;
-  for (std::size_t i = 0; i < bytes.size(); ++i) value |= std::uint64_t{bytes[i]} << (8 * i);
+  for (std::size_t i = 0; i < std::min<std::size_t>(bytes.size(), 8); ++i) value |= std::uint64_t{bytes[i]} << (8 * i);
   return value;
 }
 

@@ -76,7 +76,7 @@ void DriveGroup::send_all(Time now) {
 }
 
 void DriveGroup::trouble(const std::string& reason) {
-  const bool moved = mode_ != Mode::stopped;
+  const bool moved = mode_ == Mode::enabling || mode_ == Mode::enabled;
   stop(reason, master_.now());
   if (moved) {
     events_.stopped(reason);
@@ -85,13 +85,15 @@ void DriveGroup::trouble(const std::string& reason) {
   }
 }
 
-void DriveGroup::stop(const std::string& reason, Time now) {
-  stopped_because_ = reason;
+void DriveGroup::stop(const std::string& reason, Time now) { stop(Error{std::errc::operation_canceled, reason}, now); }
+
+void DriveGroup::stop(const Error& why, Time now) {
+  stopped_because_ = why.what;
   mode_ = Mode::stopped;
   master_.discard_pdos();
   for (DriveNode& drive : drives_) drive.want(false);
   send_all(now);
-  finish(Error{std::errc::operation_canceled, reason});
+  finish(why);
 }
 
 void DriveGroup::power_off(Time now) {
@@ -106,6 +108,7 @@ void DriveGroup::enable(std::function<void(Result<>)> done, Time now) {
   if (mode_ == Mode::enabled) return done({});
   finish(Error{std::errc::operation_canceled, "asked again"});
   done_ = std::move(done);
+  if (mode_ == Mode::enabling) return;
   mode_ = Mode::awaiting;
   enable_by_ = now + up_limit;
   check_enabling(now);
@@ -115,8 +118,7 @@ void DriveGroup::check_enabling(Time now) {
   if (mode_ == Mode::awaiting && std::ranges::all_of(drives_, &DriveNode::ready)) {
     for (const DriveNode& drive : drives_) {
       if (drive.unguarded().empty()) continue;
-      mode_ = Mode::stopped;
-      return finish(Error{std::errc::operation_not_permitted, drive.unguarded()});
+      return stop(Error{std::errc::operation_not_permitted, drive.unguarded()}, now);
     }
     mode_ = Mode::enabling;
     enable_by_ = now + enable_limit;
@@ -130,8 +132,7 @@ void DriveGroup::check_enabling(Time now) {
   if (now < enable_by_) return;
   if (mode_ == Mode::awaiting) {
     const auto late = std::ranges::find_if_not(drives_, &DriveNode::ready);
-    mode_ = Mode::stopped;
-    return finish(Error{std::errc::not_connected, "node " + std::to_string(late->node()) + ": " + late->describe()});
+    return stop({std::errc::not_connected, "node " + std::to_string(late->node()) + ": " + late->describe()}, now);
   }
   if (mode_ != Mode::enabling) return;
   const auto late = std::ranges::find_if_not(drives_, &DriveNode::enabled);

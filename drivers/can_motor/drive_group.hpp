@@ -51,8 +51,10 @@ class DriveGroup final : public canopen::Station {
   [[nodiscard]] const canopen::Master& master() const { return master_; }
 
  private:
-  enum class Mode : std::uint8_t { stopped, awaiting, enabling, enabled };  ///< awaiting: that all are up
+  /// awaiting: that all are up; until then none is enabled.
+  enum class Mode : std::uint8_t { stopped, awaiting, enabling, enabled };
 
+  void stop(const Error& why, Time now);
   void trouble(const std::string& reason);
   void finish(Result<> result);
   void send_all(Time now);

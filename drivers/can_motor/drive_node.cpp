@@ -190,12 +190,13 @@ void DriveNode::enter(Step step) {
       return;
     }
     // Whatever it did before us: no speed, then no voltage, and only then out of operational.
-    case Step::target:
-      return configure({sdo_write<std::int32_t>({0x60FF, 0}, 0)}, [this](const Result<>& done) {
-        // In another mode it may refuse: without voltage it stops all the same, and the settings have it once more.
-        if (!done && done.error().code.category() != canopen::sdo_category()) return fail(done.error());
-        enter(Step::rest);
-      });
+    case Step::target: {
+      SdoWrite no_speed = sdo_write<std::int32_t>({0x60FF, 0}, 0);
+      no_speed.verify = false;
+      // In another mode it may refuse, or keep what it has: without voltage it stops all the same, and the settings
+      // have it once more.
+      return configure({no_speed}, [this](const Result<>&) { enter(Step::rest); });
+    }
     case Step::rest: {
       SdoWrite no_voltage = sdo_write<std::uint16_t>({0x6040, 0}, canopen::controlword::disable_voltage);
       no_voltage.verify = false;  // not every drive keeps it
@@ -289,16 +290,16 @@ void DriveNode::enter(Step step) {
       std::vector<canopen::MappedObject> mapped;
       for (const Reading& reading : readings_[reading_]) mapped.push_back({reading.object, reading.bits});
       PdoMapping mapping{std::move(mapped)};
-      return configure(canopen::pdo_writes(node_, transmitted(3 + static_cast<int>(reading_), mapping)),
-                       [this, mapping](const Result<>& done) {
-                         // Not every drive measures this.
-                         reading_maps_.push_back(mapping);
-                         if (!done) {
-                           events_.tell(0, title() + ": does not tell all that it measures: " + reason(done.error()));
-                         }
-                         ++reading_;
-                         enter(Step::readings);
-                       });
+      return map(transmitted(3 + static_cast<int>(reading_), mapping), [this, mapping](const Result<>& done) {
+        // Not every drive measures this: nothing is taken from a PDO that has, or may have, something else.
+        reading_maps_.push_back(mapping);
+        if (!done) {
+          readings_[reading_].clear();
+          events_.tell(0, title() + ": does not tell all that it measures: " + reason(done.error()));
+        }
+        ++reading_;
+        enter(Step::readings);
+      });
     }
     case Step::starting:
       due_ = master_.now() + patience;

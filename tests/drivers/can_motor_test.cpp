@@ -93,10 +93,26 @@ TEST(CanMotor, power_that_was_refused_for_a_missing_drive_is_not_switched_on_whe
   const auto refused = bench.power_up();
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().what.substr(0, 7), "node 6:");
+  bench.events();
+  bench.turn(1, 1, 100ms);
+  EXPECT_EQ(bench.events().substr(0, 27), "actarray:0 refused: node 6:");
   bench.drives->port_of(1).connect(true);
   bench.run(3s);
   EXPECT_EQ(bench.state(0), Cia402State::switch_on_disabled);
   EXPECT_EQ(bench.state(1), Cia402State::switch_on_disabled);
+}
+
+TEST(CanMotor, an_emergency_while_drives_are_awaited_refuses_power_and_blocks_nobody) {
+  Drives bench;
+  bench.drives->port_of(1).connect(false);
+  bench.run(900ms);
+  ASSERT_EQ(bench.ask(actarray::SetPower{.on = 1}).error().code, std::errc::timed_out);
+  bench.drives->drive(0).fail(0x3210, bench.now());
+  bench.run(20ms);
+  ASSERT_TRUE(bench.last_reply());
+  ASSERT_FALSE(*bench.last_reply());
+  EXPECT_NE(bench.last_reply()->error().what.find("EMCY 0x3210"), std::string::npos);
+  EXPECT_EQ(bench.events().find("stopped"), std::string::npos);
 }
 
 TEST(CanMotor, turns_each_wheel_at_its_own_speed_and_tells_how_far) {
@@ -351,6 +367,15 @@ TEST(CanMotor, refuses_a_drive_without_profile_velocity) {
   EXPECT_EQ(refused.error().what, "node 5: has no profile velocity mode: 6502:00 is 0x00000001");
 }
 
+TEST(CanMotor, takes_the_first_bytes_of_an_object_that_is_longer_than_it_should_be) {
+  Drives bench{"", changed([](ObjectDictionary& dictionary) {
+                 dictionary.objects.at({0x6502, 0}).value = canopen::Bytes(12, 0xFF);
+                 dictionary.objects.at({0x6075, 0}).value = canopen::Bytes(12, 0xFF);
+               })};
+  const auto up = bench.up();
+  EXPECT_TRUE(up) << up.error().message();
+}
+
 void fix_pdo(ObjectDictionary& dictionary, std::uint16_t communication, std::uint32_t cob_id,
              std::initializer_list<std::uint32_t> mapping) {
   const auto fix = [&](ObjectIndex object, std::uint64_t value) {
@@ -372,6 +397,19 @@ TEST(CanMotor, uses_fixed_pdos_that_are_as_they_should_be) {
                })};
   bench.run(1s);
   EXPECT_NE(bench.events().find("node 5: up, switch on disabled"), std::string::npos);
+}
+
+TEST(CanMotor, takes_measurements_from_a_fixed_pdo_that_has_them_and_from_no_other) {
+  const auto voltage = [](std::initializer_list<std::uint32_t> mapping) -> std::optional<float> {
+    Drives bench{"", changed([&](ObjectDictionary& dictionary) { fix_pdo(dictionary, 0x1802, 0x385, mapping); })};
+    EXPECT_TRUE(bench.up());
+    bench.run(500ms);
+    const std::string text = bench.text("node5");
+    if (text.find(" V") == std::string::npos) return {};
+    return std::stof(text.substr(text.rfind(", ", text.find(" V")) + 2));
+  };
+  EXPECT_EQ(voltage({0x60790020, 0x60780010, 0x60770010}), 48);
+  EXPECT_EQ(voltage({0x60640020, 0x606C0020}), std::nullopt) << "position and speed";
 }
 
 TEST(CanMotor, says_which_fixed_pdo_is_not_as_it_should_be) {
@@ -401,6 +439,23 @@ TEST(CanMotor, takes_a_drive_over_that_is_up_and_has_a_target) {
     EXPECT_EQ(bench.rpm(i), 0);
     EXPECT_EQ(bench.drives->drive(i).slave().get({0x60FF, 0}), 0U);
   }
+}
+
+TEST(CanMotor, takes_the_voltage_away_from_a_drive_that_does_not_take_another_target) {
+  Drives bench;
+  bool without_voltage = false;
+  bench.drives->bus().lose = [&](const canopen::CanFrame& frame) {
+    const auto is = [&](std::uint8_t command, std::uint16_t index) {
+      return frame.id == 0x605 && frame.data[0] == command && canopen::get_le(frame.bytes().subspan(1, 2)) == index;
+    };
+    if (is(0x40, 0x60FF)) bench.drives->drive(0).slave().set({0x60FF, 0}, 500);
+    without_voltage = without_voltage || (is(0x2B, 0x6040) && frame.data[4] == 0);
+    return false;
+  };
+  bench.run(500ms);
+  EXPECT_TRUE(without_voltage);
+  EXPECT_NE(bench.events().find("node 5: 60FF:00 was written and reads back differently"), std::string::npos)
+      << "and it is not enabled";
 }
 
 /// The whole driver with a DCF beside its .cfg, or what was wrong with it.

@@ -154,6 +154,56 @@ TEST(WaypointDriver, begins_anew_when_the_robot_is_carried_away_from_its_work) {
   EXPECT_LT(distance(robot.field.truth, {.x = 2}), 0.4);
 }
 
+/// Stopped while output 1 sprays.
+struct BrokenOff : Robot {
+  BrokenOff() {
+    EXPECT_TRUE(upload("work", {{2, 0, 0}},
+                       {{.act = Act::relay, .output = 1, .on = 1},
+                        {.act = Act::wait, .duration_s = 30},
+                        {.act = Act::relay, .output = 1}}));
+    run("work");
+    EXPECT_TRUE(until(MissionState::working));
+    rig.run(1s);
+    EXPECT_TRUE(rig.ask(Planner::code, player::Stop{}, 0));
+    EXPECT_EQ(field.outputs, (std::vector<std::uint32_t>{2}));
+    rig.events();
+  }
+};
+
+TEST(WaypointDriver, does_not_drive_with_relays_on_that_another_mission_left) {
+  BrokenOff robot;
+  const Pose2d there = robot.field.truth;
+  robot.field.relay_trouble = "node 5: not ready";
+  ASSERT_TRUE(robot.upload("spray", {{4, 0, 0}, {6, 0, 0}}, {{.act = Act::relay, .output = 0, .on = 1}}));
+  robot.rig.run(100ms);
+  EXPECT_NE(robot.rig.events().find("planner:0: the relays refuse: node 5: not ready"), std::string::npos);
+  robot.run("spray");
+  ASSERT_TRUE(robot.until(MissionState::failed, 1s));
+  EXPECT_EQ(robot.mission().reason.view(), "the relays refuse: node 5: not ready");
+  EXPECT_TRUE(robot.rests());
+  EXPECT_LT(distance(robot.field.truth, there), 0.05);
+  robot.field.relay_trouble.clear();
+  ASSERT_TRUE(robot.rig.ask(planner::Enable{1}));
+  ASSERT_TRUE(robot.until(MissionState::finished));
+  EXPECT_EQ(robot.field.outputs, (std::vector<std::uint32_t>{2, 0, 1})) << "off, then what the new mission wants";
+}
+
+TEST(WaypointDriver, tries_again_to_put_relays_back_when_a_goal_is_enabled_again) {
+  BrokenOff robot;
+  const Pose2d there = robot.field.truth;
+  robot.field.relay_trouble = "node 5: not ready";
+  robot.rig.send(planner::GoalCommand{{.x = 5}});
+  ASSERT_TRUE(robot.until(MissionState::failed, 1s));
+  ASSERT_TRUE(robot.rig.ask(planner::Enable{1}));
+  ASSERT_TRUE(robot.until(MissionState::failed, 1s)) << "they still refuse";
+  EXPECT_TRUE(robot.rests());
+  EXPECT_LT(distance(robot.field.truth, there), 0.05);
+  robot.field.relay_trouble.clear();
+  ASSERT_TRUE(robot.rig.ask(planner::Enable{1}));
+  ASSERT_TRUE(robot.until(MissionState::finished));
+  EXPECT_EQ(robot.field.outputs, (std::vector<std::uint32_t>{2, 0}));
+}
+
 TEST(WaypointDriver, pauses_and_goes_on) {
   Robot robot;
   ASSERT_TRUE(robot.upload("square", square));

@@ -153,10 +153,11 @@ Result<Empty> Waypoint::set_mission(const planner::SetMission& list) {
 
 Result<> Waypoint::load(planner::SetMission list) {
   // Work that was broken off: nobody comes back to it.
-  if (dio_ && (relays_ != relays_before_ || switching_)) {
+  if (restoring_ || relays_ != relays_before_ || unsure_) {
     if (!send_relays(relays_before_)) {
-      return Error{std::errc::not_connected, "the relays of the work that was broken off do not answer"};
+      return Error{std::errc::not_connected, "the relays of the work that was broken off are not connected"};
     }
+    restoring_ = true;
   }
   list_ = std::move(list);
   actions_.assign(list_.points.size(), {});
@@ -240,7 +241,8 @@ bool Waypoint::drives() const {
 }
 
 Result<> Waypoint::read(const Tick& tick) {
-  if (!mission_) return {};
+  if (restoring_ && (switching_ || drives())) restoring_ = !switch_relays(relays_before_, tick.dt);
+  if (restoring_ || !mission_) return {};  // nobody drives with what other work left on
   const bool speaks = wheels_seen_ && tick.now - *wheels_seen_ <= base_timeout;
   const bool drove = drives();
   const BodyVelocity commanded = output_.command;
@@ -308,26 +310,25 @@ bool Waypoint::switch_relays(std::uint32_t bits, Duration dt) {
     if (switching_for_ > relay_timeout) fail_relays("do not answer");
     return false;
   }
-  if (bits == relays_) return true;
+  if (bits == relays_ && !unsure_) return true;
   if (!send_relays(bits)) fail_relays("are not connected");
   return false;
 }
 
 bool Waypoint::send_relays(std::uint32_t bits) {
-  const std::uint32_t number = ++switched_;
-  if (!dio_->connected() ||
-      !dio_->send(dio::OutputCommand{.count = relay_count_, .bits = bits}, [this, number, bits](const Result<>& taken) {
-        if (number != switched_) return;  // of another time
-        switching_ = false;
-        if (taken) {
-          relays_ = bits;
-        } else {
-          fail_relays("refuse: " + (taken.error().what.empty() ? taken.error().message() : taken.error().what));
-        }
-      })) {
+  const auto answered = [this, number = switched_ + 1, bits](const Result<>& taken) {
+    if (number != switched_) return;  // of another time
+    if (!taken) {
+      return fail_relays("refuse: " + (taken.error().what.empty() ? taken.error().message() : taken.error().what));
+    }
+    switching_ = unsure_ = false;
+    relays_ = bits;
+  };
+  if (!dio_->connected() || !dio_->send(dio::OutputCommand{.count = relay_count_, .bits = bits}, answered)) {
     return false;
   }
-  switching_ = true;
+  ++switched_;
+  switching_ = unsure_ = true;
   switching_for_ = {};
   return true;
 }
@@ -335,9 +336,9 @@ bool Waypoint::send_relays(std::uint32_t bits) {
 void Waypoint::fail_relays(const std::string& why) {
   switching_ = false;
   ++switched_;  // a late answer is for nobody
-  if (!drives()) return;
-  hold(planner::MissionState::failed, "the relays " + why);
-  port_.tell(1, reason_);
+  const std::string reason = "the relays " + why;
+  if (drives()) hold(planner::MissionState::failed, reason);
+  port_.tell(1, reason);
 }
 
 void Waypoint::halt() noexcept {

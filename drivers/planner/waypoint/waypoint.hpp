@@ -26,7 +26,8 @@ namespace regista {
 /// or does not answer for 2 s, the mission fails with its reason, and ENABLE 1 tries it again. When the robot is moved
 /// from there, the mission fails, with the relays as they are; with ENABLE 1 they go back to what they were when it
 /// came, it drives there again and begins anew. A stop and a pause leave the relays as they are, too; another mission
-/// or goal puts them back first.
+/// or goal puts them back, and does not drive before the dio has taken that: it fails as above, and RUN or ENABLE 1
+/// tries again.
 ///
 /// | Key                 | Value                                                                     | Default       |
 /// |---------------------|---------------------------------------------------------------------------|---------------|
@@ -100,7 +101,9 @@ class Waypoint final : public Driver {
   bool asked_ = false;
   bool answered_ = false;
   std::uint32_t relays_ = 0;         ///< as they were told and have taken
+  bool unsure_ = false;              ///< they did not take the last command: may be as before, or as told
   std::uint32_t relays_before_ = 0;  ///< at the start of the work at this point
+  bool restoring_ = false;           ///< other work was broken off: they have to be as before it, first
   bool switching_ = false;           ///< they have not answered yet
   std::uint32_t switched_ = 0;       ///< number of the last command to them
   Duration switching_for_{};

@@ -84,7 +84,7 @@ std::string to_string(ObjectIndex object);
 /// `bytes` hexadecimal digits: "60FF".
 std::string hex(std::uint64_t value, int digits);
 
-/// Little-endian, as CANopen has it. `bytes` are at most 8.
+/// Little-endian, as CANopen has it; of more than 8 bytes, which a node may send for any object, the first 8.
 std::uint64_t get_le(ByteView bytes);
 /// The lowest `size` bytes of a value, 1 to 8.
 Bytes le_bytes(std::uint64_t value, std::size_t size);
