@@ -313,6 +313,7 @@ void Bridge::take_referee(std::span<const std::byte> bytes, Time arrival) {
     halt_robots(arrival);
   } else if (!is_halt && was_halt) {
     log_(LogLevel::info, "referee: no longer HALT");
+    for (RobotLink& link : links_) link.end_halt();
   }
 }
 
