@@ -116,8 +116,8 @@ void RobotLink::greet() {
                   (connection_.extended() ? "" : ", a stock server"));
 }
 
-/// Not while connecting: a robot without that device takes poses all the same. Nor during a HALT: a driver may take long
-/// to open, and no stop is sent meanwhile.
+/// Not while connecting: a robot without that device takes poses all the same. Nor during a HALT: a driver may take
+/// long to open, and no stop is sent meanwhile.
 void RobotLink::ask_motion() {
   ask_motion_at_ = Time::max();
   if (!address_.motion) return;

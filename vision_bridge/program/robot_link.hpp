@@ -80,9 +80,9 @@ class RobotLink {
   OnTurn on_turn_;
   std::optional<Pending> pending_;
   bool greeted_ = false;
-  Time ask_motion_at_{};     ///< max(): asked
-  bool is_halt_ = false;     ///< halt() was called last, not end_halt()
-  bool stop_waits_ = false;  ///< for the answer to what was asked before
+  Time ask_motion_at_{};                  ///< max(): asked
+  bool is_halt_ = false;                  ///< halt() was called last, not end_halt()
+  bool stop_waits_ = false;               ///< for the answer to what was asked before
   std::optional<Time> retry_at_{Time{}};  ///< empty: connecting or connected
   Duration back_off_{};
   std::string last_failure_;
