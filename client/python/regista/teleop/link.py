@@ -406,6 +406,7 @@ class Link:
 
     async def go(self, device: str, points: list[Point], *, alone: bool) -> None:
         """`device`: the planner; of a robot without one, the base."""
+        self._revoke("another destination was given")
         wanted = self._ask()
         self.let_go()
         planned = self._missions.get(device)
