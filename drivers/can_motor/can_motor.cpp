@@ -207,7 +207,7 @@ CanMotor::CanMotor(Setup& setup, std::unique_ptr<BusLink> link)
   wheels_.on<actarray::SetPower>([this](const actarray::SetPower& request, Responder<Empty> responder) {
     std::ranges::fill(targets_, 0);
     if (request.on == 0) {
-      group_->stop("the drives are off: ask for POWER 1", wheels_.now());
+      group_->power_off(wheels_.now());
       return responder.answer(Empty{});
     }
     group_->enable(
@@ -333,8 +333,7 @@ void CanMotor::close() noexcept {
 
 void CanMotor::halt() noexcept {
   std::ranges::fill(targets_, 0);
-  // What stopped them stays what they are refused with.
-  if (group_ && !group_->stopped()) group_->stop("the drives are off: ask for POWER 1", now_);
+  if (group_) group_->power_off(now_);
 }
 
 Result<> CanMotor::set_speeds(std::span<const float> radps) {

@@ -96,6 +96,10 @@ void DriveGroup::stop(const Error& why, Time now) {
   finish(why);
 }
 
+void DriveGroup::power_off(Time now) {
+  stop(mode_ == Mode::stopped ? std::string{stopped_because_} : "the drives are off: ask for POWER 1", now);
+}
+
 void DriveGroup::finish(Result<> result) {
   if (const auto done = std::exchange(done_, {})) done(std::move(result));
 }

@@ -37,7 +37,8 @@ class DriveGroup final : public canopen::Station {
   void enable(std::function<void(Result<>)> done, Time now);
   /// A quick stop of all, then no voltage. `reason` is what commands are refused with.
   void stop(const std::string& reason, Time now);
-  [[nodiscard]] bool stopped() const { return mode_ == Mode::stopped; }
+  /// The same, because POWER 0 or the server says so; the reason of an earlier stop stays.
+  void power_off(Time now);
   [[nodiscard]] bool enabled() const { return mode_ == Mode::enabled; }
   /// In the drives' own unit, one for each; sent at once. Fails with the reason of the last stop.
   Result<> set_targets(std::span<const std::int32_t> targets, Time now);

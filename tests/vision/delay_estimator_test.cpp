@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numbers>
 #include <random>
 #include <regista/core/geometry.hpp>
@@ -145,6 +146,34 @@ TEST(DelayEstimator, learns_anew_when_the_delay_changes) {
   const auto learnt = estimator.estimate();
   ASSERT_TRUE(learnt);
   EXPECT_NEAR(seconds(learnt->delay), 0.05, 0.002);
+}
+
+TEST(DelayEstimator, learns_nothing_from_robots_that_disagree) {
+  constexpr ssl::RobotId other{ssl::Team::blue, 1}, third{ssl::Team::blue, 2};
+  DelayEstimator estimator;
+  Turning{.heading = quarter_turns}.run(estimator, 15);
+  Turning{.heading = quarter_turns, .seed = 2}.run(estimator, 15, other);
+  EXPECT_FALSE(estimator.disagree());
+  EXPECT_TRUE(estimator.estimate());
+  // It tells what it was commanded, and does so 40 ms later.
+  Turning{.heading = quarter_turns, .delay_s = 0.065, .seed = 3}.run(estimator, 15, third);
+  EXPECT_TRUE(estimator.disagree());
+  EXPECT_FALSE(estimator.estimate());
+}
+
+TEST(DelayEstimator, refuses_what_no_robot_can_turn) {
+  constexpr ssl::RobotId id{ssl::Team::yellow, 3};
+  DelayEstimator estimator;
+  const Turning turning{.heading = quarter_turns};
+  double t = -1;
+  for (const double rate : {1e308, 1e308, -1e308, 101.0, std::numeric_limits<double>::quiet_NaN()}) {
+    estimator.turning(id, rate, turning.clock_s + t, Turning::at(t), 0ms);
+    t += 0.005;
+  }
+  turning.run(estimator, 15);
+  const auto learnt = estimator.estimate();
+  ASSERT_TRUE(learnt);
+  EXPECT_NEAR(seconds(learnt->delay), 0.025, 0.002);
 }
 
 }  // namespace

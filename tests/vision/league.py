@@ -155,6 +155,8 @@ class Robots:
         self.poses = [[] for _ in range(count)]
         self.stops = [0] * count
         self.deaf = set()  # robots that no longer read
+        self.opening = set()  # robots whose position2d:0 never opens
+        self.asked = [[] for _ in range(count)]  # index of each device that was to be opened
         for number in range(count):
             listener = socket.create_server(("127.0.0.1", 0))
             self.selector.register(listener, selectors.EVENT_READ, (self.accept, number))
@@ -213,6 +215,11 @@ class Robots:
             if kind == COMMAND:
                 self.command(number, interface, index, subtype, body, now)
             elif kind == REQUEST:
+                if (interface, subtype) == (1, 3):
+                    index_asked = struct.unpack_from(">4I", body)[3]
+                    self.asked[number].append(index_asked)
+                    if index_asked == 0 and number in self.opening:
+                        continue
                 known = interface == 1 and subtype in (1, 3, 5, 10)  # DEVLIST, DEV, DATAMODE, ADD_REPLACE_RULE
                 answer = body[:20] + struct.pack(">II", 5, 5) + b"fake\0\0\0\0" if subtype == 3 else b""
                 if subtype == 1:
@@ -220,6 +227,13 @@ class Robots:
                 header = (0, robot, interface, index, ACK if known else NACK, subtype, 0, sequence, len(answer))
                 peer.sendall(struct.pack(">6IdII", *header) + answer)
         self.peers[peer] = data
+
+    def hang_up(self):
+        """On all that are connected."""
+        for peer in list(self.peers):
+            self.selector.unregister(peer)
+            peer.close()
+            del self.peers[peer], self.peer_of[peer]
 
     def tell_turn(self, number, rate):
         """As the robot's odometry: position2d:0 turns at `rate` [rad/s] now."""

@@ -131,9 +131,11 @@ def test_the_delay_that_no_timestamp_shows_is_learnt(tmp_path):
             turn_about(bridge, robots, count, 2, hidden, rate=0.0)
             assert bridge.status()["delay"] == {"ms": 0, "told": False, "learnt": False}, "nothing moves, nothing shows"
             turn_about(bridge, robots, count, 6, hidden)
-            learnt = wait_for(lambda: (status := bridge.status()["delay"])["learnt"] and status)
+            wait_for(lambda: bridge.status()["delay"]["learnt"])
             assert "vision takes " in bridge.log()
             assert "regista_vision_delay_ms" in bridge.get("/metrics")
+            turn_about(bridge, robots, count, 1, hidden)  # it comes into force little by little
+            learnt = bridge.status()["delay"]
             robots.poses[0].clear()
             turn_about(bridge, robots, count, 0.5, hidden)
             ages = sorted(pose[4] for pose in robots.poses[0])
@@ -190,6 +192,45 @@ def test_halt_stops_robots_whoever_drives_them(tmp_path):
             server.driven(0.75, since=free)
 
 
+def test_a_device_that_opens_slowly_withholds_no_halt(tmp_path):
+    with Robots(1) as robots:
+        robots.opening.add(0)
+        with Bridge(tmp_path, [("yellow", 0, robots.ports[0])]) as bridge:
+            wait_for(lambda: robots.asked[0] == [1, 0])
+            halted = time.monotonic()
+            bridge.referee.send(referee(0))
+            wait_for(lambda: robots.stops[0] > 2)
+            assert time.monotonic() - halted < 0.15 + NOISE
+            # A robot that connects during the HALT is not asked for what may keep it busy.
+            robots.hang_up()
+            wait_for(lambda: bridge.status()["robots"][0]["connects"] == 2)
+            stops = robots.stops[0]
+            time.sleep(1)
+            assert robots.stops[0] - stops > 10
+            assert robots.asked[0] == [1, 0, 1]
+            # Afterwards it is, and again when there was no answer.
+            bridge.referee.send(referee(3, 2))
+            wait_for(lambda: robots.asked[0] == [1, 0, 1, 0])
+            robots.opening.clear()
+            wait_for(lambda: robots.asked[0] == [1, 0, 1, 0, 0])
+            assert bridge.status()["robots"][0]["connects"] == 2
+            assert "position2d:0" in bridge.log()
+
+
+def test_a_stop_follows_at_once_what_was_asked_before(tmp_path):
+    folder = tmp_path / "server"
+    folder.mkdir()
+    poses = 'driver ( name "fake_base" provides ["position2d:1"] )'
+    with (
+        Server(folder, keys='fault "hang" at "open" seconds 0.7', more=poses) as server,
+        Bridge(tmp_path, [("blue", 3, server.port)]) as bridge,
+    ):
+        opening = wait_for(lambda: server.events("open"))[0][0]
+        bridge.referee.send(referee(0))
+        wait_for(lambda: bridge.status()["robots"][0]["halts"] > 0)
+        assert time.monotonic() - opening < 0.8 + NOISE
+
+
 def test_a_robot_that_hangs_delays_no_other(tmp_path):
     with Robots(2) as robots, Bridge(tmp_path, [("yellow", n, robots.ports[n]) for n in range(2)]) as bridge:
         bridge.connected()
@@ -204,10 +245,7 @@ def test_a_robot_that_hangs_delays_no_other(tmp_path):
 def test_bridge_connects_again(tmp_path):
     with Robots(1) as robots, Bridge(tmp_path, [("yellow", 0, robots.ports[0])]) as bridge:
         bridge.connected()
-        for peer in list(robots.peers):
-            robots.selector.unregister(peer)
-            peer.close()
-            del robots.peers[peer]
+        robots.hang_up()
         wait_for(lambda: bridge.status()["robots"][0]["connects"] == 2)
         play(bridge, 0.3, [(YELLOW, 0, 0, 0, 0)])
         wait_for(lambda: robots.poses[0])

@@ -7,6 +7,7 @@
 namespace regista::vision {
 namespace {
 
+using namespace std::chrono_literals;
 using ssl::RobotId;
 using ssl::Team;
 
@@ -441,6 +442,34 @@ TEST(Tracker, does_not_allocate) {
     (void)field.tracker.take(seen, 1, SyntheticField::at(field.t + 0.01 + 0.01 * i));
   }
   EXPECT_EQ(allocations().count, before);
+}
+
+TEST(Tracker, loses_no_frame_when_the_delay_changes) {
+  SyntheticField field;
+  field.cameras = {{}, {.offset_x = 0.004}, {.offset_y = 0.004}};
+  field.missing = 0;
+  field.robots[yellow(1)] = [](double t) {
+    return Pose2d{.x = std::cos(2 * t), .y = std::sin(2 * t), .heading = wrap_angle(2 * t)};
+  };
+  field.run(2);
+  double worst_m = 0;
+  for (const Duration delay : {150ms, 0ms, 20ms}) {
+    field.tracker.set_delay(delay);
+    Time before = field.tracker.captured();
+    Duration age_before = field.tracker.delay();
+    field.run(4, [&] {
+      EXPECT_GT(field.tracker.captured(), before - 1ms);  // of another camera: as the network's delays differ
+      before = field.tracker.captured();
+      EXPECT_LT(std::abs(seconds(field.tracker.delay() - age_before)), 0.001);
+      age_before = field.tracker.delay();
+      ASSERT_EQ(field.tracker.corrected().size(), 1U);
+      worst_m = std::max(worst_m, distance(field.tracker.robot(yellow(1))->pose, field.robots[yellow(1)](field.t)));
+    });
+    EXPECT_EQ(field.tracker.delay(), delay);
+  }
+  for (const CameraReport& camera : field.tracker.cameras(SyntheticField::at(field.t))) EXPECT_EQ(camera.late, 0U);
+  std::printf("while the delay changes, off by %.1f mm at worst\n", 1e3 * worst_m);
+  EXPECT_LT(worst_m, 0.02);
 }
 
 }  // namespace

@@ -313,6 +313,7 @@ void Bridge::take_referee(std::span<const std::byte> bytes, Time arrival) {
     halt_robots(arrival);
   } else if (!is_halt && was_halt) {
     log_(LogLevel::info, "referee: no longer HALT");
+    for (RobotLink& link : links_) link.end_halt();
   }
 }
 
@@ -389,6 +390,8 @@ std::vector<std::string> Bridge::warnings(Time now) const {
     if (camera.foreign > 0)
       texts.push_back(name + " is sent by two computers; only " + text_of(camera.source) + " is believed");
   }
+  if (delay_ && delay_->disagree())
+    texts.emplace_back("robots disagree about vision's delay, which is not learnt: tell 'delay'");
   if (field_ && field_->is_2010) texts.emplace_back("the field's geometry comes in the layout of 2010");
   if (config_.input == BridgeConfig::Input::vision && cameras.empty() && !replay_ && now - started_ > 3s)
     texts.push_back("no vision is heard on " + config_.vision.address + ':' + std::to_string(config_.vision.port));

@@ -17,6 +17,7 @@ constexpr client::Address base{position2d::code, 0};
 constexpr Duration stale = 200ms;  ///< a pose that waited longer is not sent
 constexpr Duration first_back_off = 100ms;
 constexpr Duration longest_back_off = 1s;
+constexpr Duration ask_again = 3s;  ///< for a device that did not open in time
 
 }  // namespace
 
@@ -73,11 +74,14 @@ void RobotLink::flush() {
 }
 
 void RobotLink::halt() {
-  if (!connected() || connection_.request_pending()) return;
+  is_halt_ = true;
+  if (!connected()) return;
   if (!connection_.extended()) {
     if (connection_.send(base, position2d::VelocityCommand{})) ++counters_.halts;
     return;
   }
+  stop_waits_ = connection_.request_pending();
+  if (stop_waits_) return;
   (void)connection_.post(client::server_address, player::Stop{}, [this](Result<std::span<const std::byte>> body) {
     if (body) ++counters_.halts;
   });
@@ -91,7 +95,9 @@ void RobotLink::service() {
   }
   if (const auto taken = connection_.read(0ms); !taken) return lose(taken.error().message());
   if (connected() && !greeted_) greet();
-  if (greeted_ && on_turn_ && !motion_asked_ && !connection_.request_pending()) ask_motion();
+  if (stop_waits_) halt();
+  if (greeted_ && on_turn_ && ask_motion_at_ <= Clock::now() && !is_halt_ && !connection_.request_pending())
+    ask_motion();
   flush();
 }
 
@@ -110,9 +116,10 @@ void RobotLink::greet() {
                   (connection_.extended() ? "" : ", a stock server"));
 }
 
-/// Not before: a robot without that device takes poses all the same.
+/// Not while connecting: a robot without that device takes poses all the same. Nor during a HALT: a driver may take
+/// long to open, and no stop is sent meanwhile.
 void RobotLink::ask_motion() {
-  motion_asked_ = true;
+  ask_motion_at_ = Time::max();
   if (!address_.motion) return;
   const client::Address motion{position2d::code, *address_.motion};
   const auto take = [this](const xdr::Header& header, const AnyData& data, Time arrival) {
@@ -120,7 +127,9 @@ void RobotLink::ask_motion() {
       on_turn_(state->velocity.w, header.timestamp_s, arrival, way());
   };
   (void)connection_.subscribe(motion, take, [this, motion](const Result<std::string>& driver) {
-    if (!driver) log_(true, to_string(address_.id) + ": " + to_string(motion) + ": " + driver.error().message());
+    if (driver || !connected()) return;  // lose() says why
+    if (driver.error().code == client::Errc::no_answer) ask_motion_at_ = Clock::now() + ask_again;
+    say_once(to_string(motion) + ": " + driver.error().message());
   });
 }
 
@@ -131,13 +140,18 @@ Duration RobotLink::way() const {
   return std::chrono::microseconds{info.tcpi_min_rtt} / 2;
 }
 
-/// Said once for each reason.
 void RobotLink::lose(const std::string& why) {
-  greeted_ = motion_asked_ = false;
+  greeted_ = stop_waits_ = false;
+  ask_motion_at_ = {};
   if (address_.motion) (void)connection_.unsubscribe({position2d::code, *address_.motion});
   pending_.reset();
   back_off_ = std::clamp(2 * back_off_, first_back_off, longest_back_off);
   retry_at_ = Clock::now() + back_off_;
+  say_once(why);
+}
+
+/// Once for each reason.
+void RobotLink::say_once(const std::string& why) {
   if (why == last_failure_) return;
   last_failure_ = why;
   log_(true, to_string(address_.id) + ": " + why);

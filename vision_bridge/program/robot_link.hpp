@@ -37,8 +37,10 @@ class RobotLink {
 
   /// The robot was there when the image was taken that came at `arrival`.
   void offer(const Pose2d& pose, Time captured, Time arrival);
-  /// Bring all that the server has to rest, whoever drives it.
+  /// Bring all that the server has to rest, whoever drives it: now, or once what is being asked is answered.
   void halt();
+  /// The HALT is over.
+  void end_halt() { is_halt_ = stop_waits_ = false; }
   /// Go on with whatever is under way. For a loop: when `poll()` is ready, or at `wake_time()`.
   void service();
   [[nodiscard]] pollfd poll() const;
@@ -69,6 +71,7 @@ class RobotLink {
   void ask_motion();
   [[nodiscard]] Duration way() const;
   void lose(const std::string& why);
+  void say_once(const std::string& why);
   void flush();
 
   RobotAddress address_;
@@ -77,7 +80,9 @@ class RobotLink {
   OnTurn on_turn_;
   std::optional<Pending> pending_;
   bool greeted_ = false;
-  bool motion_asked_ = false;
+  Time ask_motion_at_{};                  ///< max(): asked
+  bool is_halt_ = false;                  ///< halt() was called last, not end_halt()
+  bool stop_waits_ = false;               ///< for the answer to what was asked before
   std::optional<Time> retry_at_{Time{}};  ///< empty: connecting or connected
   Duration back_off_{};
   std::string last_failure_;

@@ -19,13 +19,16 @@ constexpr double tells_rad = 0.03;     ///< ΔH must differ by so much between d
 constexpr double outlier_rad = 0.3;    ///< a misread pattern
 constexpr double forget = 1.0 / 3000;  ///< by each pair
 constexpr double fewest = 200;         ///< pairs
+constexpr double fewest_of_one = 40;   ///< pairs of one robot, to compare it with all
 constexpr double worst_fit_rad = 0.1;  ///< root mean square: more is not the noise of a camera
-constexpr Duration certain = 2ms;
+constexpr double certain_s = 0.002;
+constexpr double agreement_s = 0.006;  ///< of one robot with all, beyond four standard deviations
+constexpr double fastest_radps = 100;  ///< far beyond what a robot can
 
 }  // namespace
 
 void DelayEstimator::turning(ssl::RobotId id, double rate_radps, double stamp_s, Time arrival, Duration way) {
-  if (!std::isfinite(rate_radps) || !std::isfinite(stamp_s)) return;
+  if (!(std::abs(rate_radps) <= fastest_radps) || !std::isfinite(stamp_s)) return;
   Robot& robot = robots_[ssl::index(id)];
   const Time at = robot.clock.captured(stamp_s, stamp_s, arrival, way);
   const Duration dt = at - robot.now.at;
@@ -50,7 +53,7 @@ void DelayEstimator::turning(ssl::RobotId id, double rate_radps, double stamp_s,
 
 void DelayEstimator::seen(ssl::RobotId id, std::uint32_t camera, double heading_rad, Time captured) {
   Robot& robot = robots_[ssl::index(id)];
-  if (robot.count == 0 || robot.second) return;
+  if (robot.count == 0 || robot.second || !std::isfinite(heading_rad)) return;
   const Image image{.at = captured, .heading_rad = heading_rad, .camera = camera};
   robot.pair = (robot.pair + 1) % robot.firsts.size();
   std::optional<Image>& first = robot.firsts[robot.pair];
@@ -79,7 +82,7 @@ double DelayEstimator::turned(const Robot& robot, Time at) {
   return before.angle_rad + share * (after.angle_rad - before.angle_rad);
 }
 
-void DelayEstimator::compare(const Robot& robot, const Image& first, const Image& second) {
+void DelayEstimator::compare(Robot& robot, const Image& first, const Image& second) {
   const auto size = robot.history.size();
   const Time oldest = robot.history[robot.count > size ? robot.count % size : 0].at;
   if (first.at - grid_step * grid_size < oldest) return;
@@ -92,31 +95,56 @@ void DelayEstimator::compare(const Robot& robot, const Image& first, const Image
   if (most - least < tells_rad) return;
   const double seen = angle_between(first.heading_rad, second.heading_rad);
   if (wrap_angle(seen - least) < -outlier_rad || wrap_angle(seen - most) > outlier_rad) return;
-  for (std::size_t i = 0; i < grid_size; ++i) {
-    const double error = wrap_angle(seen - turns[i]);
-    squares_[i] += error * error - forget * squares_[i];
+  for (Robot& any : robots_) {
+    for (double& square : any.sum.squares) square -= forget * square;
+    any.sum.weight -= forget * any.sum.weight;
   }
-  weight_ += 1 - forget * weight_;
+  for (std::size_t i = 0; i < grid_size; ++i) robot.sum.squares[i] += std::pow(wrap_angle(seen - turns[i]), 2);
+  robot.sum.weight += 1;
   ++turns_;
 }
 
-std::optional<DelayEstimator::Estimate> DelayEstimator::estimate() const {
-  if (weight_ < fewest) return {};
-  const auto least = static_cast<std::size_t>(std::ranges::min_element(squares_) - squares_.begin());
+std::optional<DelayEstimator::Fit> DelayEstimator::fit(const Sum& sum) {
+  const std::array<double, grid_size>& squares = sum.squares;
+  const auto least = static_cast<std::size_t>(std::ranges::min_element(squares) - squares.begin());
   if (least == grid_size - 1) return {};  // longer than we look
   // Vision is never early: without any delay, the parabola stands on the first three.
   const std::size_t middle = std::max<std::size_t>(least, 1);
-  const double before = squares_[middle - 1];
-  const double after = squares_[middle + 1];
-  const double curvature = before - 2 * squares_[middle] + after;  // times grid_step²
-  if (curvature <= 0) return {};
+  const double before = squares[middle - 1];
+  const double after = squares[middle + 1];
+  const double curvature = before - 2 * squares[middle] + after;  // times grid_step²
+  if (!(curvature > 0)) return {};
   const double vertex = static_cast<double>(middle) + (before - after) / 2 / curvature;
-  const double variance = squares_[least] / weight_;
-  if (variance > worst_fit_rad * worst_fit_rad) return {};
+  const double variance = squares[least] / sum.weight;
   const double step_s = seconds(grid_step);
-  const Duration sd = from_seconds(step_s * std::sqrt(2 * variance / curvature));
-  if (sd > certain) return {};
-  return Estimate{.delay = from_seconds(std::max(0.0, vertex * step_s)), .sd = sd, .turns = turns_};
+  return Fit{.delay_s = std::max(0.0, vertex * step_s),
+             .sd_s = step_s * std::sqrt(2 * variance / curvature),
+             .rms_rad = std::sqrt(variance)};
+}
+
+std::optional<DelayEstimator::Fit> DelayEstimator::fit_of_all() const {
+  Sum all;
+  for (const Robot& robot : robots_) {
+    for (std::size_t i = 0; i < grid_size; ++i) all.squares[i] += robot.sum.squares[i];
+    all.weight += robot.sum.weight;
+  }
+  if (!(all.weight >= fewest)) return {};
+  return fit(all);
+}
+
+bool DelayEstimator::disagree() const {
+  const auto all = fit_of_all();
+  return all && std::ranges::any_of(robots_, [&](const Robot& robot) {
+           if (robot.sum.weight < fewest_of_one) return false;
+           const auto own = fit(robot.sum);
+           return own && !(std::abs(own->delay_s - all->delay_s) <= agreement_s + 4 * own->sd_s);
+         });
+}
+
+std::optional<DelayEstimator::Estimate> DelayEstimator::estimate() const {
+  const auto all = fit_of_all();
+  if (!all || !(all->rms_rad <= worst_fit_rad) || !(all->sd_s <= certain_s) || disagree()) return {};
+  return Estimate{.delay = from_seconds(all->delay_s), .sd = from_seconds(all->sd_s), .turns = turns_};
 }
 
 }  // namespace regista::vision

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <regista/vision/tracker.hpp>
+#include <utility>
 
 namespace regista::vision {
 
@@ -14,6 +15,7 @@ constexpr Duration lifetime = 1s;          ///< of a robot or ball that nobody s
 constexpr Duration longest_prediction = 250ms;
 constexpr Duration longest_mirrored = 1s;     ///< after that the field really is the other way round
 constexpr Duration late_enough = 50ms;        ///< older measurements are of no use
+constexpr int delay_slope = 20;               ///< time over change of the delay
 constexpr Duration candidate_silent = 120ms;  ///< then it was nothing
 
 constexpr double gate_m = 0.05;             ///< within a frame even a robot that is hit stays within this …
@@ -37,6 +39,7 @@ using Angle = Fusion<1>::Value;
 
 Tracker::Tracker(const TrackerConfig& config)
     : config_{config},
+      delay_{config.delay},
       robots_(ssl::most_robots,
               Robot{.position = Fusion<2>{config.position}, .heading = Fusion<1>{config.heading}, .candidate = {}}),
       ball_{.position = Fusion<2>{config.ball}, .candidate = {}} {
@@ -81,7 +84,9 @@ Verdict Tracker::take(const ssl::Detection& frame, std::uint64_t source, Time ar
   camera.next_recent = (camera.next_recent + 1) % camera.recent.size();
   count_rate(camera, arrival);
 
-  const Time now = camera.clock.captured(frame.t_capture_s, frame.t_sent_s, arrival, config_.delay);
+  const Duration most = std::max(arrival - std::exchange(last_arrival_, arrival), Duration{}) / delay_slope;
+  delay_ += std::clamp(config_.delay - delay_, -most, most);
+  const Time now = camera.clock.captured(frame.t_capture_s, frame.t_sent_s, arrival, delay_);
   if (now <= camera.captured) {
     ++camera.report.late;
     return Verdict::late;

@@ -509,7 +509,9 @@ element("mission-start").addEventListener("click", () => {
   map.draft = [];
 });
 element("mission-pause").addEventListener("click", () => askRobot("pause", world.robot?.destined));
-element("mission-resume").addEventListener("click", () => askRobot("resume", world.robot?.destined));
+element("mission-resume").addEventListener("click", () =>
+  askRobot("resume", world.robot?.destined, { alone: isPressed("alone") }),
+);
 element("mission-cancel").addEventListener("click", () => {
   map.draft = [];
   askRobot("cancel", world.robot?.destined);

@@ -266,7 +266,7 @@ class Steered:
             wait = told + self.TELL_SECONDS - now
             if self._next is not None and self._next[0] <= self._shown:
                 wait = 0.0
-            elif self._next is not None and self._rate > 0:
+            elif self._next is not None and self._rate > 0 and self._at(now) < self._length:
                 wait = min(wait, (self._next[0] - self._at(now)) / self._rate)
             if select.select([0], [], [], max(wait, 0.0))[0] and not self._obey():
                 return
@@ -280,9 +280,10 @@ class Steered:
     def _go_to(self, at: float) -> None:
         at = min(max(at, 0.0), self._length)
         begin = max(at - self.GLIMPSE_SECONDS, 0.0)
-        self._from, self._since, self._shown = at, time.monotonic(), at
-        self._records = ((begin + offset, record) for offset, record in data_records(self._source, Cut(begin)))
+        self._records = data_records(self._source, Cut(begin))
         self._next = next(self._records, None)
+        # Now: what is far behind in the file took a while to find.
+        self._from, self._since, self._shown = at, time.monotonic(), at
 
     def _obey(self) -> bool:
         """False: nobody gives orders any more."""

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 FRAMES = 60  # a second
 PENDING_BYTES = 256 * 1024  # a page that is further behind gets no frames until it has caught up
 RECORDING_SECONDS = 1.0  # between two tellings how large it is
+STARTS = ("go", "resume", "take")
 SILENCE_SECONDS = 1.0  # a page says that it is alive five times a second; without that, nobody watches
 
 # The page has all that it needs: nothing comes from elsewhere, nothing goes elsewhere, nobody frames it.
@@ -288,7 +289,7 @@ class Gateway:
     async def _do(self, page: Page, message: dict[str, Any]) -> None:
         type_ = message["t"]
         if type_ == "stop":
-            self._deaf = any(link.held for link in self._links.values())
+            self._deaf |= any(link.held for link in self._links.values())
             self._tell({"t": "stopped"})
             links = [self._link(message)] if message.get("robot") is not None else list(self._links.values())
             done = await asyncio.gather(*(link.stop() for link in links), return_exceptions=True)
@@ -321,6 +322,8 @@ class Gateway:
             return
         if page is not self._pilot:
             raise ValueError("another page has the controls: take them first")
+        if type_ in STARTS and (self._closing or not page.visible):
+            raise ValueError("nothing starts while nobody watches")
         link = self._link(message)
         device = message["device"]
         if type_ == "go":
@@ -328,7 +331,7 @@ class Gateway:
         elif type_ == "pause":
             await link.pause(device)
         elif type_ == "resume":
-            await link.resume(device)
+            await link.resume(device, alone=bool(message["alone"]))
         elif type_ == "cancel":
             await link.cancel(device)
         elif type_ == "take":
@@ -386,13 +389,14 @@ class Gateway:
         while True:
             due = max(due + 1 / FRAMES, loop.time())
             await asyncio.sleep(due - loop.time())
+            pilot = self._pilot
+            watched = pilot is not None and pilot.visible
             for link in self._links.values():
                 try:
-                    link.tick()
+                    link.tick(watched=watched)
                 except Exception:  # one robot must not end the beat of all
                     traceback.print_exc()
             now = time.monotonic()
-            pilot = self._pilot
             if pilot is not None and pilot.visible and now - pilot.heard > SILENCE_SECONDS:
                 pilot.silent = True
                 self._abandon("the page is silent")

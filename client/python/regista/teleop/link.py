@@ -84,7 +84,10 @@ class Link:
         self._opening: regista.asyncio.Robot | None = None  # connected, and perhaps not yet ready
         self._hands: dict[str, Hand] = {}
         self._missions: dict[str, Mission | PlannerMission] = {}  # by the base or the planner that drives
+        self._revoked = (0, "")  # how often what was asked, and not done yet, was wanted no more; why
+        self._leaving: asyncio.Task[None] | None = None
         self._grabbing: asyncio.Task[None] | None = None  # a base from its planner
+        self._grab_held = False  # who grabs has not let go
         self._stopping_at = -math.inf  # when a device was last told to stop, or seen on its way to rest [s]
         self._look = asyncio.Event()
         self._seen: str | None = None
@@ -131,9 +134,10 @@ class Link:
             if interface == "planner":
                 try:
                     await proxy.request(planner.GetMission())
-                except regista.RefusedError:
-                    device["trouble"] = "it takes no lists of way-points"
-                else:
+                except regista.RefusedError as error:
+                    if "does not answer this request" in error.reason:
+                        device["trouble"] = "it takes no lists of way-points"
+                if "trouble" not in device:
                     self._missions[info.address] = PlannerMission(proxy, self.name)
             with contextlib.suppress(regista.RefusedError):  # not every driver tells how large it is
                 if isinstance(proxy, regista.asyncio.Position2d):
@@ -165,6 +169,7 @@ class Link:
     async def _status(self, robot: regista.asyncio.Robot) -> None:
         """Who drives, the beats, and how long the question took."""
         asked = time.monotonic()
+        changes = {planned.address: planned.changes for planned in self._planned()}
         if not robot.extended:  # a stock server: any question tells whether it is there
             await robot.devices()
             self._tell("status", round_trip_s=time.monotonic() - asked, drivers=[])
@@ -178,7 +183,7 @@ class Link:
                 for motion in device["motion"]:
                     if motion["state"] == "stopping":
                         self._stopping_at = time.monotonic()
-                    await self._watch_mission(device["device"], motion)
+                    await self._watch_mission(device["device"], motion, changes)
 
     async def _say(self, robot: regista.asyncio.Robot, device: str | None, key: str) -> str:
         """What ssl_robot thinks of its camera: good, stale, lost …; what localizer thinks of its sensors."""
@@ -189,11 +194,18 @@ class Link:
         except (regista.RefusedError, KeyError):
             return ""
 
-    async def _watch_mission(self, address: str, motion: dict[str, Any]) -> None:
+    async def _watch_mission(self, address: str, motion: dict[str, Any], changes: dict[str, int]) -> None:
         """A destination that the base did not take up has failed, and says why; a planner is asked how far it is."""
         mission = self._missions.get(address)
         if isinstance(mission, PlannerMission):
-            if motion["group"] == GROUP and await mission.look(motion["owner"], motion["reason"]):
+            if motion["group"] != GROUP:
+                return
+            try:
+                changed = await mission.look(motion["owner"], motion["reason"], changes[address])
+            except (regista.RefusedError, regista.TimeoutError) as error:  # what it said last counts until it answers
+                changed = mission.reason != str(error)
+                mission.reason = str(error)
+            if changed:
                 self._tell_mission(address)
             return
         if mission is None or mission.state is not State.RUNNING or motion["group"] != "motion":
@@ -219,33 +231,50 @@ class Link:
         self._tell_all(message)
 
     def _tell_mission(self, address: str) -> None:
-        self._tell("mission", keep=f"mission {address}", device=address, **self._missions[address].to_dict())
+        """Unless it has gone meanwhile, with the connection."""
+        mission = self._missions.get(address)
+        if mission is not None:
+            self._tell("mission", keep=f"mission {address}", device=address, **mission.to_dict())
+
+    def _note(self, text: str) -> None:
+        self._tell_all({"t": "event", "robot": self.number, "severity": 1, "text": text})
 
     # Sixty times a second
 
-    def tick(self) -> None:
-        """Pass on what happened, and step missions."""
+    def tick(self, *, watched: bool) -> None:
+        """Step missions, and pass on what happened. `watched`: whoever has the controls sees the page."""
         if self._robot is None:
             return
+        if not watched and self._unwatched() and (self._leaving is None or self._leaving.done()):
+            self._leaving = asyncio.get_running_loop().create_task(self.page_gone("nobody watches"))
+        for address, mission in self._missions.items():
+            hand = self._hands.get(address)
+            if (hand is None or hand.settled) and mission.step():
+                self._tell_mission(address)
+                self._look.set()
         for event in self._robot.events():
             self._tell_all({"t": "event", "robot": self.number, "severity": event.severity, "text": event.text})
-            for log in self._logs():
-                log.event(event)
             for address, mission in self._missions.items():
                 # Everybody hears of every refusal: when the base drives for us, it was another's.
                 if mission.ours and not mission.accepted and event.text.startswith(f"{address} refused: "):
                     mission.fail(event.text)
                     self._tell_mission(address)
             self._look.set()
-        if logs := self._logs():
+            self._write(lambda log, event=event: log.event(event))
+        if self._logs():
             for received in self._robot.messages():
-                for log in logs:
-                    log.data(received)
-        for address, mission in self._missions.items():
-            hand = self._hands.get(address)
-            if (hand is None or hand.settled) and mission.step():
-                self._tell_mission(address)
-                self._look.set()
+                self._write(lambda log, received=received: log.data(received))
+
+    def _write(self, put: Callable[[recording.Log], None]) -> None:
+        """A log that fails gets no more: driving does not depend on it."""
+        for log in self._logs():
+            try:
+                put(log)
+            except Exception as error:
+                what = "Foxglove" if log is self._live else "recording"
+                self._live = None if log is self._live else self._live
+                self._log = None if log is self._log else self._log
+                self._note(f"{what} of {self.label} ended: {error!r}")
 
     def news(self, now: float, *, again: bool = False) -> list[list[Any]]:
         """Of each stream that has news: its number, age and values."""
@@ -260,11 +289,12 @@ class Link:
 
     def hold(self, device: str, velocity: Any) -> None:
         """Drive by hand; a mission of the same base pauses, and resumes only when somebody says so."""
-        if self._grabbing is not None and not self._grabbing.done():
+        self._grab_held = True
+        if self._grabs:
             return
         for address, mission in self._missions.items():
             if isinstance(mission, PlannerMission):
-                if mission.accepted:
+                if mission.drives:
                     self._grabbing = asyncio.get_running_loop().create_task(self._grab(mission, device))
                     return
             elif address == device and mission.state is State.RUNNING:
@@ -276,20 +306,43 @@ class Link:
 
     async def _grab(self, mission: PlannerMission, base: str) -> None:
         """What a planner of ours drives is taken from it; whoever lets go meanwhile leaves a base that stands."""
-        with contextlib.suppress(regista.Error, ValueError):
+        wanted = self._ask()
+        try:
             await mission.pause("you took the controls")
             self._tell_mission(mission.address)
+            wanted()
             await self._base(base).take()
+        except (regista.Error, ValueError) as error:
+            self._note(str(error))
+
+    @property
+    def _grabs(self) -> bool:
+        return self._grabbing is not None and not self._grabbing.done()
 
     @property
     def held(self) -> bool:
-        """By hand."""
-        return any(hand.held for hand in self._hands.values())
+        """By hand, or about to be."""
+        return any(hand.held for hand in self._hands.values()) or (self._grabs and self._grab_held)
 
     def let_go(self) -> None:
         """Of everything that is held by hand."""
+        self._grab_held = False
         for hand in self._hands.values():
             hand.let_go()
+
+    def _ask(self) -> Callable[[], None]:
+        """To be called after each wait, before anything moves: raises ValueError when that is wanted no more."""
+        asked, _ = self._revoked
+
+        def wanted() -> None:
+            revoked, reason = self._revoked
+            if revoked != asked:
+                raise ValueError(f"{self.label} was not started: {reason}")
+
+        return wanted
+
+    def _revoke(self, reason: str) -> None:
+        self._revoked = (self._revoked[0] + 1, reason)
 
     async def _settle(self, device: str) -> None:
         if device in self._hands:
@@ -297,12 +350,16 @@ class Link:
 
     async def page_gone(self, reason: str) -> None:
         """Nobody watches: zero at once, and missions pause that may not go on alone."""
+        self._revoke(reason)
         self.let_go()
-        running = [(a, m) for a, m in self._missions.items() if m.ours and m.state is State.RUNNING and not m.alone]
-        for address, mission in running:
+        for mission in self._unwatched():
             await mission.pause(reason)
-            if self._missions.get(address) is mission:
+            for address in [address for address, one in self._missions.items() if one is mission]:
                 self._tell_mission(address)
+
+    def _unwatched(self) -> list[Mission | PlannerMission]:
+        """What drives for us and may not without somebody who watches."""
+        return [mission for mission in self._missions.values() if mission.drives and not mission.alone]
 
     async def close(self) -> None:
         """At rest and given back."""
@@ -314,25 +371,30 @@ class Link:
 
     async def stop(self) -> None:
         """Every device to rest, whoever drives it."""
+        self._revoke("STOP")
         self.let_go()
         self._stopping_at = time.monotonic()
         robot = self._opening or self._connected()
         for address, mission in self._missions.items():
-            if mission.state is State.RUNNING:
-                mission.fail("STOP", State.PAUSED)
-                self._tell_mission(address)
+            mission.fail("STOP", State.PAUSED)
+            self._tell_mission(address)
         await robot.stop()
         self._look.set()
 
     async def take(self, device: str) -> None:
+        wanted = self._ask()
         await self._settle(device)
         for planned in self._planned():
-            await planned.take()
+            wanted()
+            await planned.take(wanted)
             self._tell_mission(planned.address)
-        await (await self._device(device)).take()
+        base = await self._device(device)
+        wanted()
+        await base.take()
         self._look.set()
 
     async def give(self, device: str) -> None:
+        self._revoke("you gave the robot back")
         self.let_go()
         await self._settle(device)
         for planned in self._planned():
@@ -344,32 +406,40 @@ class Link:
 
     async def go(self, device: str, points: list[Point], *, alone: bool) -> None:
         """`device`: the planner; of a robot without one, the base."""
+        self._revoke("another destination was given")
+        wanted = self._ask()
         self.let_go()
         planned = self._missions.get(device)
         if isinstance(planned, PlannerMission):
             await self._rest()
-            await planned.go(points, alone=alone)
+            wanted()
+            await planned.go(points, alone=alone, wanted=wanted)
         else:
             self._missions[device] = Mission(self._base(device), points, alone=alone)
         self._tell_mission(device)
         self._look.set()
 
     async def pause(self, device: str) -> None:
+        self._revoke("you paused it")
         if device in self._missions:
             await self._missions[device].pause("you paused it")
             self._tell_mission(device)
 
-    async def resume(self, device: str) -> None:
-        if device not in self._missions:
+    async def resume(self, device: str, *, alone: bool) -> None:
+        wanted = self._ask()
+        mission = self._missions.get(device)
+        if mission is None:
             raise ValueError("that list of way-points is gone: start it again")
         self.let_go()
-        if isinstance(self._missions[device], PlannerMission):
+        if isinstance(mission, PlannerMission):
             await self._rest()
-        await self._missions[device].resume()
+            wanted()
+        await mission.resume(alone=alone)
         self._tell_mission(device)
         self._look.set()
 
     async def cancel(self, device: str) -> None:
+        self._revoke("cancelled")
         mission = self._missions.get(device)
         if isinstance(mission, PlannerMission):
             await mission.cancel()

@@ -106,9 +106,14 @@ class Mission:
         finally:
             self._base.robot._watch()
 
-    async def resume(self) -> None:
+    @property
+    def drives(self) -> bool:
+        return self.state is State.RUNNING
+
+    async def resume(self, *, alone: bool) -> None:
         """On with the way-point that was not reached."""
         if self.state in (State.PAUSED, State.FAILED):
+            self.alone = alone
             self.state, self.reason = State.RUNNING, ""
             self.accepted = False
 

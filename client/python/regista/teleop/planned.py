@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import math
 import secrets
+from collections.abc import Callable
 from typing import Any
 
 import regista
@@ -42,6 +43,7 @@ class PlannerMission:
         self._why: tuple[State, str] | None = None  # why we let it go
         self._cleared: str | None = None  # the id of what the page wants to see no more
         self._settled_at = 0.0
+        self.changes = 0  # what was asked of the server before the last one counts no more
 
     @property
     def address(self) -> str:
@@ -57,16 +59,31 @@ class PlannerMission:
         """The planner drives for us."""
         return self.ours and self._told in ACTIVE
 
+    @property
+    def drives(self) -> bool:
+        """For us, or will as soon as it has heard so; asks for us, too."""
+        return self.ours and self._under_way
+
+    @property
+    def _under_way(self) -> bool:
+        return self.state is State.RUNNING or self._told in ACTIVE
+
     def step(self) -> bool:
         """The planner does that itself."""
         return False
 
-    async def look(self, owner: str, why: str) -> bool:
-        """True: something changed. `owner` of the planner, and `why` it stands, as the server says."""
+    async def look(self, owner: str, why: str, changes: int) -> bool:
+        """True: something changed. `owner` of the planner, and `why` it stands, as the server said after `changes`."""
         before = self.to_dict()
         mission = await self._device.request(planner.GetMission())
+        path = None
         if mission.id != self._id or mission.count != len(self.points) or not mission.id:
             path = await self._device.request(planner.GetWaypoints())
+        if changes != self.changes:
+            return False
+        if mission.id != self._id:
+            self.alone = False
+        if path is not None:
             self.points = [Point(p.x, p.y, p.heading) for p in path.waypoints]
             self._id = mission.id
         if mission.state is not MissionState.none and mission.id == self._cleared:
@@ -103,26 +120,30 @@ class PlannerMission:
             return State.PAUSED, "uploaded, not started"
         return State.PAUSED, why or mission.reason
 
-    async def go(self, points: list[Point], *, alone: bool) -> None:
-        """Upload and drive. A regista.RefusedError says why not."""
+    async def go(self, points: list[Point], *, alone: bool, wanted: Callable[[], None]) -> None:
+        """Upload and drive. A regista.RefusedError says why not; `wanted` raises when that is wanted no more."""
         check(points)
         self._check_owner()
-        if self.accepted:
+        if self.drives:
             await self._let_go()
+            wanted()
         id_ = f"{self._name} {secrets.token_hex(4)}"[-63:]
         await self._device.request(planner.SetMission(id=id_, points=self._poses(points), actions=[]))
+        wanted()
         self._id, self.points, self.alone = id_, points, alone
         self._run()
 
-    async def resume(self) -> None:
+    async def resume(self, *, alone: bool) -> None:
         """On with the way-point that was not reached; or what the point asks is answered."""
         self._check_owner()
+        self.alone = alone
         if self._told is MissionState.asking:
             await self._device.request(self._question)
         else:
             self._run()
 
     def _run(self) -> None:
+        self.changes += 1
         self._why = self._cleared = None
         self._device.send(planner.RunCommand(id=self._id))
         self._device.proxy.keep_alive(True)
@@ -133,9 +154,9 @@ class PlannerMission:
 
     async def pause(self, reason: str) -> None:
         """The robot comes to rest; it goes on only when somebody says so."""
-        if self.state is not State.RUNNING and self._told not in ACTIVE:
+        if not self._under_way:
             return
-        self.state, self.reason = self._why = State.PAUSED, reason
+        self._end(State.PAUSED, reason)
         try:
             if self.ours:
                 self._device.proxy.keep_alive(False)
@@ -146,22 +167,29 @@ class PlannerMission:
         except regista.Error as error:
             self.reason = f"{reason}; {error}"
 
+    def _end(self, state: State, reason: str) -> None:
+        self.changes += 1
+        self._told = MissionState.paused
+        self.state, self.reason = self._why = state, reason
+
     def fail(self, reason: str, state: State = State.FAILED) -> None:
         """The server has stopped it, or never started."""
-        if self.state is State.RUNNING:
-            self.state, self.reason = self._why = state, reason
+        if self._under_way:
+            self._end(state, reason)
             with contextlib.suppress(regista.Error, ValueError, RuntimeError):  # closed, or being closed
                 self._device.proxy.keep_alive(False)
 
     async def cancel(self) -> None:
         """Paused, and shown no more."""
         await self.pause("cancelled")
+        self.changes += 1
         self._cleared = self._id
         self.points = []
 
-    async def take(self) -> None:
-        """Away from whoever has it; it does not go on."""
+    async def take(self, wanted: Callable[[], None]) -> None:
+        """Away from whoever has it; it does not go on. `wanted` raises when that is wanted no more."""
         await self.pause("you took the controls")
+        wanted()
         if self.owner and not self.ours:
             await self._device.take(GROUP)
             await self._let_go()

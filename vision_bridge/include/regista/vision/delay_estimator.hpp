@@ -37,8 +37,11 @@ class DelayEstimator {
   void turning(ssl::RobotId id, double rate_radps, double stamp_s, Time arrival, Duration way);
   /// A camera saw the robot's heading, in an image that was taken at `captured` if there is no delay.
   void seen(ssl::RobotId id, std::uint32_t camera, double heading_rad, Time captured);
-  /// Empty until it is certain within 2 ms, and when what cameras see is not what the robots tell.
+  /// Empty until it is certain within 2 ms, when what cameras see is not what the robots tell, and when they disagree.
   [[nodiscard]] std::optional<Estimate> estimate() const;
+  /// A robot that turned enough shows another delay than all of them together: it tells what it was commanded and not
+  /// how it turns, or is another one.
+  [[nodiscard]] bool disagree() const;
 
  private:
   static constexpr Duration grid_step = std::chrono::milliseconds{4};
@@ -53,7 +56,17 @@ class DelayEstimator {
     double heading_rad = 0;
     std::uint32_t camera = 0;
   };
+  struct Sum {
+    std::array<double, grid_size> squares{};  ///< [rad²], of each delay
+    double weight = 0;                        ///< pairs in `squares`, older ones count less
+  };
+  struct Fit {
+    double delay_s = 0;
+    double sd_s = 0;
+    double rms_rad = 0;  ///< what remains
+  };
   struct Robot {
+    Sum sum;
     ClockMap clock;
     std::array<Turned, 512> history;  ///< a ring
     std::size_t count = 0;
@@ -64,12 +77,13 @@ class DelayEstimator {
     std::optional<Image> second;  ///< of that pair: waits for the robot to tell how it turned until then
   };
 
-  void compare(const Robot& robot, const Image& first, const Image& second);
+  void compare(Robot& robot, const Image& first, const Image& second);
+  /// Empty when there is no least square within the grid.
+  static std::optional<Fit> fit(const Sum& sum);
+  [[nodiscard]] std::optional<Fit> fit_of_all() const;
   static double turned(const Robot& robot, Time at);
 
   std::vector<Robot> robots_;
-  std::array<double, grid_size> squares_{};  ///< [rad²], of each delay
-  double weight_ = 0;                        ///< pairs in `squares_`, older ones count less
   std::uint64_t turns_ = 0;
 };
 

@@ -90,9 +90,11 @@ class Tracker {
   /// `source`: whoever sends, such as address and port; `arrival`: no earlier than that of the frame before.
   Verdict take(const ssl::Detection& frame, std::uint64_t source, Time arrival);
   void take(const ssl::Geometry& geometry);
-  /// From the next frame on: `delay` of the configuration.
+  /// Another `delay` than the configuration's. It is approached by a twentieth of the time that passes: no image
+  /// becomes older than the one before it, and for so long velocities are wrong by a twentieth.
   void set_delay(Duration delay) { config_.delay = delay; }
-  [[nodiscard]] Duration delay() const { return config_.delay; }
+  /// That of the last frame.
+  [[nodiscard]] Duration delay() const { return delay_; }
 
   /// When the image of the last frame was taken.
   [[nodiscard]] Time captured() const { return captured_; }
@@ -173,6 +175,8 @@ class Tracker {
   bool in_field(double x, double y) const;
 
   TrackerConfig config_;
+  Duration delay_;
+  Time last_arrival_{};
   std::array<Camera, max_cameras> cameras_;
   std::vector<Robot> robots_;
   Ball ball_;
