@@ -259,7 +259,7 @@ const DriveNode& CanMotor::drive_of(const Relay& relay) const {
 
 Result<> CanMotor::switch_object(const Relay& relay) {
   canopen::Master& master = group_->master();
-  const auto told = [this, relay](const Error& error) { relays_port_.tell(2, "relays: " + error.message()); };
+  const auto told = [this](const Error& error) { relays_port_.tell(2, "relays: " + error.message()); };
   std::uint64_t ours = 0;
   for (const Relay& other : relays_) {
     if (other.node == relay.node && other.object == relay.object) ours |= 1ULL << other.bit;
@@ -277,7 +277,10 @@ Result<> CanMotor::switch_object(const Relay& relay) {
       relay.node, relay.object,
       [this, relay, ours, told](const Result<canopen::Bytes>& before) {
         if (!before) return told(before.error());
-        if (before->empty() || before->size() > 8) return;
+        if (before->empty() || before->size() > 8) {
+          return told({std::errc::bad_message, "node " + std::to_string(relay.node) + ": " + to_string(relay.object) +
+                                                   " has " + std::to_string(before->size()) + " bytes, not 1 to 8"});
+        }
         std::uint32_t switched = 0;  // which of our outputs
         std::uint64_t value = canopen::get_le(*before) & ~ours;
         for (std::size_t i = 0; i < relays_.size(); ++i) {

@@ -14,7 +14,8 @@ namespace regista {
 /// driver was made, which roll over from 256 turns to -256. POWER 1 resets faults, enables all drives at rest, and is
 /// answered when they are enabled; nothing else enables them. Whatever befalls one of them (fault, EMCY, silence,
 /// boot-up) stops all, until POWER 1 is asked for again. `power:0` is the supply as the drives measure it. `dio:0` has
-/// the outputs of `relays`.
+/// the outputs of `relays`: a command is taken when their drives are up, and written then. What a drive refuses of it,
+/// or does not answer, is an event, and the data of `dio:0` say which outputs their drives have confirmed.
 ///
 /// A drive that would go on driving when this process dies is not enabled: see `can_motor::DriveNode`.
 ///

@@ -23,9 +23,10 @@ def test_liens_square_on_wheels_compass_and_gps():
     drive = drive_lien(SQUARE, FIELD_GPS, f"speed {SPEED} turn_speed 115 k3 1.5 beta 0.05", limit_s=LIMIT)
     assert len(drive.stops) == len(SQUARE), f"{drive.failures}\n{drive.server_log}"
     assert drive.outputs[-1] == 0
-    # What a busy machine let the truth, or the server, come late by: the robot went on meanwhile.
-    missed = [int(text) / 1000 for text in re.findall(r"deadline missed: (\d+) ms", drive.server_log)]
-    late = SPEED * max([stop.lag_s for stop in drive.stops] + missed)
+    # What a busy machine let the truth, or the server, come late by: the robot went on meanwhile. Of the server no more
+    # is excused than such a machine does to it; a driver that blocks is late by more.
+    missed = max((int(text) / 1000 for text in re.findall(r"deadline missed: (\d+) ms", drive.server_log)), default=0)
+    late = max(SPEED * max(stop.lag_s for stop in drive.stops), min(SPEED * missed, 0.1))
     sd = FIELD_GPS.sd()
     print(drive.stops, drive.failures, f"{drive.time_s:.1f} s; filter sd {sd:.3f} m; late {late:.3f} m")
     for stop in drive.stops:

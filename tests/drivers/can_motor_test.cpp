@@ -587,6 +587,24 @@ TEST(CanMotor, switches_outputs_of_drives_and_leaves_their_other_bits) {
   EXPECT_EQ(bench.events(), "dio:0 refused: there are 3 relays, and 4 bits\n");
 }
 
+TEST(CanMotor, tells_that_a_drive_did_not_switch_an_output) {
+  Drives lacks{R"(relays ["5 2000:00 1"])"};
+  lacks.run(1s);
+  lacks.events();
+  lacks.send(dio::OutputCommand{.count = 1, .bits = 1}, 2);
+  lacks.run(100ms);
+  EXPECT_EQ(lacks.events().substr(0, 32), "dio:0: relays: node 5: read 2000");
+  EXPECT_EQ(lacks.latest<dio::State>(), (dio::State{.count = 1, .bits = 0}));
+  Drives too_long{R"(relays ["5 6502:00 1"])", changed([](ObjectDictionary& dictionary) {
+                    dictionary.objects.at({0x6502, 0}).value = canopen::Bytes(12, 0xFF);
+                  })};
+  too_long.run(1s);
+  too_long.events();
+  too_long.send(dio::OutputCommand{.count = 1, .bits = 1}, 2);
+  too_long.run(100ms);
+  EXPECT_EQ(too_long.events(), "dio:0: relays: node 5: 6502:00 has 12 bytes, not 1 to 8: Bad message\n");
+}
+
 /// Ten minutes; REGISTA_SOAK_HOURS=24 makes it a day, in some minutes.
 TEST(CanMotor, drives_on_without_growth_or_drift) {
   const char* hours = std::getenv("REGISTA_SOAK_HOURS");

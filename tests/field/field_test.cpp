@@ -36,6 +36,19 @@ testing::Rig field() {
                        {"waypoint", create<Waypoint>}}};
 }
 
+TEST(FieldRobot, is_not_driven_by_its_truth) {
+  auto rig = field();
+  rig.run(100ms);
+  (void)rig.ask(position2d::SetMotorPower{1});
+  rig.run(3s);
+  ASSERT_EQ(rig.latest<actarray::State>()->motors_on, 1);
+  for (int i = 0; i < 10; ++i) {
+    rig.send(position2d::VelocityCommand{.velocity = {.x = 2, .w = 3}}, 1);
+    rig.run(100ms);
+  }
+  EXPECT_LT(distance(rig.latest<position2d::State>(1)->pose, {}), 0.01);
+}
+
 TEST(FieldRobot, drives_the_mission_of_the_example_again_and_again) {
   auto rig = field();
   rig.run(100ms);

@@ -22,8 +22,9 @@ namespace regista {
 /// while the mission is under way and left alone while it is paused: when this driver or its server dies, the base's
 /// own lease stops it. When somebody else drives the base, the mission fails and does not go on by itself.
 ///
-/// A point is worked at action by action. A relay has switched when the dio's driver has taken it; when that refuses,
-/// or does not answer for 2 s, the mission fails with its reason, and ENABLE 1 tries it again. When the robot is moved
+/// A point is worked at action by action. A relay counts as switched when the dio's driver has taken it, which need not
+/// be when its hardware has done it (`can_motor`: an event tells then that it did not). When that driver refuses, or
+/// does not answer for 2 s, the mission fails with its reason, and ENABLE 1 tries it again. When the robot is moved
 /// from there, the mission fails, with the relays as they are; with ENABLE 1 they go back to what they were when it
 /// came, it drives there again and begins anew. A stop and a pause leave the relays as they are, too; another mission
 /// or goal puts them back, and does not drive before the dio has taken that: it fails as above, and RUN or ENABLE 1
