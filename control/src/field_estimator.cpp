@@ -1,11 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <regista/control/field_estimator.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 #include "parameter.hpp"
 
 namespace regista::control {
+
+namespace {
+
+constexpr double vibration_s = 0.03;  ///< time constant: long for gears and rollers, short for who brakes
+
+}  // namespace
 
 FieldEstimator::FieldEstimator(const FieldEstimatorConfig& config)
     : config_{config},
@@ -15,6 +22,7 @@ FieldEstimator::FieldEstimator(const FieldEstimatorConfig& config)
   require_positive("fix_sd_rad", config.fix_sd_rad);
   require_positive("wheels_sd_mps", config.wheels_sd_mps);
   require_not_negative("wheels_slip_s", config.wheels_slip_s);
+  require_not_negative("wheels_slip_most_mps", config.wheels_slip_most_mps);
   place({});
 }
 
@@ -23,6 +31,7 @@ void FieldEstimator::place(const Pose2d& pose) {
   translation_.correct(PositionMeasurement{.x = pose.x, .y = pose.y, .sd_m = config_.fix_sd_m});
   orientation_.replace(OrientationFilter{config_.orientation});
   orientation_.correct({.heading_rad = pose.heading, .sd_rad = config_.fix_sd_rad});
+  pushed_ = {};
 }
 
 void FieldEstimator::predict(const InertialMeasurement& measured, Duration dt) {
@@ -30,12 +39,17 @@ void FieldEstimator::predict(const InertialMeasurement& measured, Duration dt) {
   const FieldVelocity accel = to_field(BodyVelocity{.x = measured.accel_x_mps2, .y = measured.accel_y_mps2},
                                        orientation_.filter().estimate().heading_rad);
   translation_.predict({.x = accel.x, .y = accel.y}, dt);
+  const FieldAcceleration& taken = translation_.filter().state().input;
+  const double step_s = std::max(0.0, seconds(dt));
+  const double share = step_s / (vibration_s + step_s);
+  pushed_.x += share * (taken.x - pushed_.x);
+  pushed_.y += share * (taken.y - pushed_.y);
 }
 
 Correction FieldEstimator::correct(const BodyVelocity& wheels) {
   const FieldVelocity seen = to_field(wheels, orientation_.filter().estimate().heading_rad);
-  const auto& pushed = translation_.filter().state().input;
-  const double slip_mps = config_.wheels_slip_s * std::hypot(pushed.x, pushed.y);
+  const double slip_mps =
+      std::min(config_.wheels_slip_s * std::hypot(pushed_.x, pushed_.y), config_.wheels_slip_most_mps);
   return translation_.correct(
       VelocityMeasurement{.x = seen.x, .y = seen.y, .sd_mps = std::hypot(config_.wheels_sd_mps, slip_mps)});
 }

@@ -76,6 +76,42 @@ TEST(FieldEstimator, refuses_a_pose_that_jumps_and_believes_it_when_it_lasts) {
   EXPECT_NEAR(estimator.estimate().pose.x, 1, 1e-6);
 }
 
+/// Which part of what the wheels say differently is believed, in the mean: after a second at a steady speed and 0.1 s
+/// at `accel_mps2`, on a body that shakes by `vibration_mps2`.
+double trust(double vibration_mps2, double accel_mps2) {
+  std::mt19937_64 random{1};
+  std::normal_distribution<double> noise;
+  double sum = 0;
+  constexpr int runs = 40;
+  for (int run = 0; run < runs; ++run) {
+    FieldEstimator estimator{{.wheels_slip_s = 0.3}};
+    double speed = 0;
+    for (int i = 0; i < 550; ++i) {
+      const double accel = i < 500 ? 0 : accel_mps2;
+      speed += 0.002 * accel;
+      estimator.predict(
+          {.accel_x_mps2 = accel + vibration_mps2 * noise(random), .accel_y_mps2 = vibration_mps2 * noise(random)},
+          2ms);
+      if (i < 549) estimator.correct(BodyVelocity{.x = speed});
+    }
+    const double before = estimator.estimate().velocity.x;
+    estimator.correct(BodyVelocity{.x = before + 0.1});
+    sum += (estimator.estimate().velocity.x - before) / 0.1;
+  }
+  return sum / runs;
+}
+
+TEST(FieldEstimator, doubts_wheels_that_push_and_not_those_that_shake) {
+  const double steady = trust(0, 0);
+  std::printf("wheels are believed by %.2f %%; shaken by 2 and 5 m/s² by %.2f and %.2f %%; pushed by 3 m/s² %.2f %%\n",
+              100 * steady, 100 * trust(2, 0), 100 * trust(5, 0), 100 * trust(0, 3));
+  EXPECT_GT(trust(2, 0), 0.5 * steady);
+  EXPECT_GT(trust(5, 0), 0.25 * steady);
+  EXPECT_LT(trust(0, 3), 0.1 * steady);
+  EXPECT_LT(trust(2, 3), 0.15 * steady);
+  EXPECT_NEAR(trust(0, 1000) / trust(0, 5), 1, 0.2) << "there is a limit";
+}
+
 TEST(FieldEstimator, names_the_value_that_cannot_be) {
   EXPECT_THROW(FieldEstimator{{.fix_sd_m = 0}}, std::invalid_argument);
   EXPECT_THROW(FieldEstimator{{.wheels_sd_mps = -1}}, std::invalid_argument);

@@ -21,9 +21,11 @@ struct FieldEstimatorConfig {
   double fix_sd_m = 0.004;      ///< of each coordinate that a camera sees
   double fix_sd_rad = 0.010;    ///< of the heading that a camera sees
   double wheels_sd_mps = 0.15;  ///< of each component of the wheels' velocity, at rest or at a steady speed
-  /// What the body's acceleration adds to it, squares summed [m/s per m/s²]. A wheel pushes by slipping, all of them
-  /// the same way, which goes on for longer than a measurement: 0.3 s stands for both. 0: they never slip.
+  /// What the body's acceleration, less its vibration, adds to it, squares summed [m/s per m/s²]. A wheel pushes by
+  /// slipping, all of them the same way, which goes on for longer than a measurement: 0.3 s stands for both. 0: they
+  /// never slip.
   double wheels_slip_s = 0;
+  double wheels_slip_most_mps = 1;  ///< no acceleration adds more
 };
 
 /// Where an omnidirectional robot is on the field, and how it moves: predicted by accelerometer and gyro, corrected by
@@ -57,6 +59,7 @@ class FieldEstimator {
   FieldEstimatorConfig config_;
   Rollback<TranslationFilter, history> translation_;
   Rollback<OrientationFilter, history> orientation_;
+  FieldAcceleration pushed_;  ///< low-pass
 };
 
 }  // namespace regista::control
