@@ -2,6 +2,7 @@
 """record, replay and plot against real servers."""
 
 import contextlib
+import json
 import math
 import os
 import re
@@ -261,6 +262,54 @@ def test_replay_loops(tmp_path):
             seen.append(base.state.pose.x)
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=60) == 130
+
+
+def seconds_of_cpu(process):
+    """In user and kernel mode: fields 14 and 15 of proc(5), /proc/PID/stat."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@contextlib.contextmanager
+def steered(path, *arguments):
+    process = subprocess.Popen(
+        [*REGISTA, "replay", str(path), "--port", "0", "--sim", "--steer", *arguments],
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stderr.readline().startswith("serving ")
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout, process.stderr):
+            stream.close()
+
+
+def test_a_steered_replay_rests_at_its_end_and_ends_with_its_input(tmp_path):
+    path = tmp_path / "steady.mcap"
+    steady(path, count=100)
+    with steered(path, "--end", "0.5") as process:
+        while json.loads(process.stdout.readline())["at"] < 0.5:
+            pass
+        began, before = time.monotonic(), seconds_of_cpu(process)
+        for _ in range(10):
+            assert json.loads(process.stdout.readline())["at"] == 0.5
+        assert seconds_of_cpu(process) - before < 0.5 * (time.monotonic() - began)
+        process.stdin.close()
+        assert process.wait(timeout=60) == 0
+
+
+def test_a_steered_replay_that_nobody_ever_saw_ends_with_its_input(tmp_path):
+    path = tmp_path / "steady.mcap"
+    steady(path, count=10)
+    with steered(path, "--wait") as process:
+        process.stdin.close()
+        assert process.wait(timeout=60) == 0
 
 
 def test_replay_of_a_cut_file_plays_what_is_there(tmp_path):

@@ -90,6 +90,8 @@ def test_a_finger_on_the_stick_drives(page, seen):
 
 
 def test_a_click_on_the_map_is_a_destination_and_dragging_sets_the_heading(page, seen):
+    seen.wait(lambda s: s.state == "stopped")
+    page.locator("#fit").click()
     page.locator("[data-tool=go]").click()
     box = page.locator("#canvas").bounding_box()
     middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)  # the robot, since the map fits it

@@ -13,6 +13,7 @@ from command_line import ROOT, Server, owned, wait_for
 from gateway import Gateway
 from observer import Observer
 from regista import Pose2d, localize, planner
+from test_stops import HIDE
 
 
 @pytest.fixture(scope="module")
@@ -119,13 +120,23 @@ def test_stop_stops_a_planner_and_a_hidden_page_pauses_it(page, field, seen, ask
     seen.wait(lambda s: s.state == "stopped")
     page.locator("#mission-resume").click()
     seen.wait_driving()
-    page.evaluate(
-        'Object.defineProperty(document, "hidden", { configurable: true, get: () => true });'
-        'document.dispatchEvent(new Event("visibilitychange"));'
-    )
+    page.evaluate(HIDE)
     page.locator("#mission-state", has_text="paused: the page is hidden").wait_for()
     wait_for(lambda: ask().state is planner.MissionState.paused)
     seen.wait(lambda s: s.state == "stopped")
+
+
+def test_a_hidden_page_pauses_a_mission_that_asks(page, field, ask):
+    (here,) = ahead(ask, field, 0.0)
+    question = planner.Action(point=0, act=planner.Act.ask)
+    with regista.Robot("127.0.0.1", field[0].port, name="nav@laptop") as robot:
+        upload = planner.SetMission(id="asks", points=[Pose2d(*here, 0)], actions=[question])
+        robot.device("planner:0").request(upload)
+    page.locator("#mission-state", has_text="uploaded, not started").wait_for()
+    page.locator("#mission-resume").click()
+    page.locator("#mission-state", has_text="asks; Resume is the answer").wait_for()
+    page.evaluate(HIDE)
+    wait_for(lambda: ask().state is planner.MissionState.paused)
 
 
 @contextlib.contextmanager

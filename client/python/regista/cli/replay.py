@@ -43,7 +43,7 @@ class Cut:
 
 
 def data_records(source: Recording, cut: Cut) -> Iterator[tuple[float, Record]]:
-    """What is to be played, and when: seconds after the beginning."""
+    """What is to be played, and where in the recording: seconds after its first data."""
     first: int | None = None
     for record in source:
         if record.metadata.get("kind") != "data":
@@ -53,7 +53,7 @@ def data_records(source: Recording, cut: Cut) -> Iterator[tuple[float, Record]]:
         if cut.end is not None and seconds > cut.end:
             return
         if seconds >= cut.start:
-            yield (seconds - cut.start) / cut.rate, record
+            yield seconds, record
 
 
 def answers(source: Recording) -> Iterator[Record]:
@@ -187,7 +187,7 @@ def _rounds(source: Recording, cut: Cut, loop: bool) -> Iterator[tuple[float, fl
     try:
         while True:
             played = False
-            for item in pace(data_records(source, cut)):
+            for item in pace(((at - cut.start) / cut.rate, record) for at, record in data_records(source, cut)):
                 played = True
                 yield item
             if not played:
@@ -216,7 +216,7 @@ def _serve(source: Recording, cut: Cut, devices: list[str], port: int, loop: boo
         feed.flush()
         common.note(f"serving {', '.join(devices)} on {endpoint}")
         if wait:
-            _wait_for_client(endpoint)
+            _wait_for_client(endpoint, steer)
         if steer:
             with _server_lives():
                 for record in Steered(source, cut):
@@ -307,10 +307,16 @@ def _server_lives() -> Iterator[None]:
         common.fail(common.FAILED, "regista-server has ended before the recording")
 
 
-def _wait_for_client(endpoint: str) -> None:
+def _wait_for_client(endpoint: str, steered: bool) -> None:
+    """Or, when it is steered, until nobody can give orders any more."""
     host, port = common.parse_robot(endpoint)
+    orders = select.poll()
+    if steered:
+        orders.register(0, 0)  # tells only whether the other end is closed
     with regista.Robot(host, port, name="replay") as own:
         while not any(d["subscribers"] for driver in own.status()["drivers"] for d in driver["devices"]):
+            if orders.poll(0):
+                return
             common.wait(own, 0.02)
 
 

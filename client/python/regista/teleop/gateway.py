@@ -28,7 +28,7 @@ from .mission import Point
 from .recordings import Recordings
 
 if TYPE_CHECKING:
-    from .live import Foxglove
+    from .live import Foxglove, Topics
 
 FRAMES = 60  # a second
 PENDING_BYTES = 256 * 1024  # a page that is further behind gets no frames until it has caught up
@@ -105,6 +105,7 @@ class Gateway:
         self._changing_player = asyncio.Lock()
         self._field: dict[str, float] | None = None
         self._links: dict[int, Link] = {}
+        self._topics: dict[int, Topics] = {}  # of Foxglove
         self._running: dict[int, asyncio.Task[None]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._pages: list[Page] = []
@@ -132,8 +133,11 @@ class Gateway:
 
     def add(self, label: str, host: str, port: int) -> Link:
         """A robot; it may come later, and go."""
-        live = None if self._live is None else Log(self._live.topics(label))
+        topics = None if self._live is None else self._live.topics(label)
+        live = None if topics is None else Log(topics)
         link = Link(max(self._links, default=-1) + 1, label, host, port, self._name[:63], self._tell, live)
+        if topics is not None:
+            self._topics[link.number] = topics
         self._links[link.number] = link
         self._running[link.number] = self._spawn(link.run())
         return link
@@ -371,6 +375,8 @@ class Gateway:
             task = self._running.pop(link.number)
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
+            if link.number in self._topics:
+                self._topics.pop(link.number).close()
             self._tell({"t": "gone", "robot": link.number})
         await self._recordings.end_play()
 

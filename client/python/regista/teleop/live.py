@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
+from collections.abc import Callable
 from typing import Any
 
 import foxglove
@@ -24,6 +26,7 @@ class Foxglove:
 
     def __init__(self, port: int) -> None:
         self._context = foxglove.Context()
+        self._prefixes: set[str] = set()
         try:
             self._server = foxglove.start_server(name="regista", host="127.0.0.1", port=port, context=self._context)
         except Exception as error:
@@ -31,8 +34,12 @@ class Foxglove:
         self.url = f"ws://127.0.0.1:{self._server.port}"
 
     def topics(self, label: str) -> Topics:
-        """Of one robot, all below its name."""
-        return Topics(self._context, "/" + re.sub(r"[^A-Za-z0-9.]+", "_", label).strip("_"))
+        """Of one robot, all below its name; one whose name looks the same here gets a number."""
+        stem = "/" + re.sub(r"[^A-Za-z0-9.]+", "_", label).strip("_")
+        prefixes = itertools.chain([stem], (f"{stem}_{number}" for number in itertools.count(2)))
+        prefix = next(prefix for prefix in prefixes if prefix not in self._prefixes)
+        self._prefixes.add(prefix)
+        return Topics(self._context, prefix, self._prefixes.discard)
 
     def close(self) -> None:
         """Nobody is told anything any more."""
@@ -42,8 +49,8 @@ class Foxglove:
 class Topics:
     """Takes what `regista.recording.Log` makes of the messages of a robot."""
 
-    def __init__(self, context: Any, prefix: str) -> None:
-        self._context, self._prefix = context, prefix
+    def __init__(self, context: Any, prefix: str, closed: Callable[[str], None]) -> None:
+        self._context, self._prefix, self._closed = context, prefix, closed
         self._made: dict[str, Any] = {}
 
     def put(self, channel: Channel, message: dict[str, Any], log_time_ns: int, publish_time_ns: int) -> bool:
@@ -65,3 +72,4 @@ class Topics:
         for made in self._made.values():
             made.close()
         self._made.clear()
+        self._closed(self._prefix)

@@ -82,7 +82,7 @@ class PlannerMission:
         if changes != self.changes:
             return False
         if mission.id != self._id:
-            self.alone = False
+            self.alone, self._why = False, None
         if path is not None:
             self.points = [Point(p.x, p.y, p.heading) for p in path.waypoints]
             self._id = mission.id

@@ -19,6 +19,7 @@ from regista.recording import Log, Recorder
 from .link import Link
 
 START_SECONDS = 20.0
+ORDER_BYTES = 4096  # which the player has not taken yet
 REPLAY = (sys.executable, "-m", "regista.cli", "replay")
 
 
@@ -110,8 +111,10 @@ class Recordings:
             tell({"file": name, **json.loads(line)})
 
     def steer(self, order: dict[str, float]) -> None:
-        """`at`: go there [s]; `rate`: so fast, 0 for a pause."""
+        """`at`: go there [s]; `rate`: so fast, 0 for a pause. Raises ValueError when the player takes no more."""
         if self._player is not None and self._player.stdin is not None:
+            if self._player.stdin.transport.get_write_buffer_size() > ORDER_BYTES:
+                raise ValueError("the player does not answer: end it")
             self._player.stdin.write(json.dumps(order).encode() + b"\n")
 
     async def end_play(self) -> None:
