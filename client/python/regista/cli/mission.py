@@ -6,7 +6,7 @@ from __future__ import annotations
 import json as json_text
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -26,7 +26,7 @@ The file is JSON; headings [rad] and work at a point may be left out:
               {"x": 5, "y": 2, "heading": 1.57, "do": [{"relay": 0, "on": true}, {"wait": 2}, {"ask": true}]}]}"""
 
 
-def _wrong(file: Path, what: str) -> Any:
+def _wrong(file: Path, what: str) -> NoReturn:
     common.fail(common.USAGE, f"{file}: {what}; `regista mission upload --help` shows the form")
 
 
@@ -46,7 +46,7 @@ def _action(file: Path, point: int, number: int, what: Any) -> planner.Action:
             return planner.Action(point=point, act=planner.Act.relay, output=output, on=int(on))
         case {"ask": True, **rest} if not rest:
             return planner.Action(point=point, act=planner.Act.ask)
-    return _wrong(file, f'{where} is none of {{"wait": SECONDS}}, {{"relay": OUTPUT, "on": true}}, {{"ask": true}}')
+    _wrong(file, f'{where} is none of {{"wait": SECONDS}}, {{"relay": OUTPUT, "on": true}}, {{"ask": true}}')
 
 
 def read_mission(file: Path) -> planner.SetMission:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import operator
 import time
 from collections.abc import Callable
 from typing import Any, cast
@@ -260,10 +261,10 @@ class Link:
                     mission.fail(event.text)
                     self._tell_mission(address)
             self._look.set()
-            self._write(lambda log, event=event: log.event(event))
+            self._write(operator.methodcaller("event", event))
         if self._logs():
             for received in self._robot.messages():
-                self._write(lambda log, received=received: log.data(received))
+                self._write(operator.methodcaller("data", received))
 
     def _write(self, put: Callable[[recording.Log], None]) -> None:
         """A log that fails gets no more: driving does not depend on it."""
