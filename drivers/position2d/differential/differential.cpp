@@ -110,6 +110,7 @@ Result<> Differential::open() {
   asked_ = false;
   target_ = commanded_ = velocity_ = {};
   at_rest_ = true;
+  powered_ = false;  // or what the last user switched off would stop this one
   return {};
 }
 
