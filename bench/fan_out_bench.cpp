@@ -327,6 +327,8 @@ void jitter(Report& report, bool quick) {
   add("server", host.at("p50").get<double>(), host.at("p99").get<double>(), host.at("max").get<double>());
 }
 
+}  // namespace
+
 void run(const Options& options) {
   epoch_s(Clock::now());  // for the children too
   Report report{options};
@@ -344,14 +346,4 @@ void run(const Options& options) {
   jitter(report, quick);
 }
 
-}  // namespace
 }  // namespace regista::bench
-
-int main(int argc, char** argv) {
-  try {
-    regista::bench::run(regista::bench::Options{argc, argv});
-  } catch (const std::exception& exception) {
-    std::fprintf(stderr, "%s: %s\n", argv[0], exception.what());
-    return EXIT_FAILURE;
-  }
-}

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // From a drive's feedback on the bus to the position2d that is made from it, at a client: regista-server with can_motor
 // and differential over socketcand, beside a thread that passes bytes on.
+#include <poll.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
 #include <regista/canopen/pump.hpp>
-#include <regista/sim/can_drives.hpp>
 #include <thread>
 
 #include "socket_bench.hpp"
@@ -65,34 +66,20 @@ class Muted final : public canopen::CanBus {
   bool muted_ = false;
 };
 
-/// Two drives behind a socketcand daemon.
-class Drives final : public canopen::Station {
+/// They and what waits for their frames.
+class Drives {
  public:
-  explicit Drives(canopen::CanBus& bus) : left_{bus, 5, {}}, right_{bus, 6, {}}, pump_{bus, *this} {}
-  void on_frame(const CanFrame& frame, Time now) override {
-    left_.on_frame(frame, now);
-    right_.on_frame(frame, now);
-  }
-  void on_time(Time now) override {
-    left_.on_time(now);
-    right_.on_time(now);
-  }
-  [[nodiscard]] Time next_wake() const override { return std::min(left_.next_wake(), right_.next_wake()); }
-
+  explicit Drives(canopen::CanBus& bus) : drives_{bus}, pump_{bus, drives_} {}
   void run(Duration duration) {
     for (const Time end = Clock::now() + duration; Clock::now() < end;) {
       if (const auto served = pump_.wait(end - Clock::now()); !served)
         throw std::runtime_error{served.error().message()};
     }
   }
-  [[nodiscard]] bool started() {
-    return left_.slave().state() == canopen::NmtState::operational &&
-           right_.slave().state() == canopen::NmtState::operational;
-  }
+  [[nodiscard]] bool started() { return drives_.started(); }
 
  private:
-  sim::CanDrive left_;
-  sim::CanDrive right_;
+  TwoDrives drives_;
   canopen::Pump pump_;
 };
 
@@ -100,6 +87,8 @@ CanFrame feedback(canopen::NodeId node, std::int32_t rpm) {
   const canopen::Bytes speed = canopen::le_bytes(static_cast<std::uint32_t>(rpm), 4);
   return canopen::make_frame(0x180U + node, {0x50, 0x02, speed[0], speed[1], speed[2], speed[3]});
 }
+
+}  // namespace
 
 void run(const Options& options) {
   std::uint16_t in_port = 0;
@@ -124,16 +113,30 @@ driver (name "differential" plugin ")" + plugins +
   Daemon bus{::accept4(listener.get(), nullptr, nullptr, SOCK_CLOEXEC)};
   Muted muted{bus};
   Drives drives{muted};
-  for (const Time limit = Clock::now() + 10s; !drives.started();) {
+  const Time limit = Clock::now() + 10s;
+  while (!drives.started()) {
     if (Clock::now() > limit) throw std::runtime_error{"the drives were not started"};
     drives.run(10ms);
   }
   Client client{server.port};
   client.subscribe(position2d_address(0));
-  drives.run(200ms);
   muted.mute();
-  // The driver waits for both wheels: whatever it has of them, after this it waits for the left one.
-  for (const canopen::NodeId node : std::array<canopen::NodeId, 3>{5, 5, 6}) (void)bus.send(feedback(node, 0));
+  const auto speed_of = [](double rpm) { return rpm / gear * 2 * std::numbers::pi / 60 * radius_m; };
+  const auto answers = [&](std::int32_t rpm) {
+    position2d::State state;
+    if (!xdr::decode(client.receive(Kind::data, position2d::State::message.subtype).body, state)) {
+      throw std::runtime_error{"bad state"};
+    }
+    return std::abs(state.velocity.x - speed_of(rpm)) < speed_of(1) / 4;
+  };
+  // Before both drives are up their feedback is read by nobody. The driver waits for both wheels: whatever it has of
+  // them, after this it waits for the left one.
+  for (bool up = false; !up;) {
+    for (const canopen::NodeId node : std::array<canopen::NodeId, 3>{5, 5, 6}) (void)bus.send(feedback(node, 50));
+    drives.run(10ms);
+    for (pollfd ready{client.socket().get(), POLLIN, 0}; !up && ::poll(&ready, 1, 0) > 0;) up = answers(50);
+    if (Clock::now() > limit) throw std::runtime_error{"the drives were not started"};
+  }
 
   const auto raw = [&] {
     const std::array<std::byte, frame_size> frame{};
@@ -146,19 +149,12 @@ driver (name "differential" plugin ")" + plugins +
   std::int32_t rpm = 100;
   const auto ours = [&] {
     rpm = rpm == 1000 ? 100 : rpm + 1;  // which tells the answer from that to the frame before
-    const double speed_mps = rpm / gear * 2 * std::numbers::pi / 60 * radius_m;
-    const double step_mps = 1 / gear * 2 * std::numbers::pi / 60 * radius_m;
     (void)bus.send(feedback(5, rpm));
     std::this_thread::sleep_for(250us);  // frames follow each other on a bus
     const Time begin = Clock::now();
     (void)bus.send(feedback(6, rpm));
-    for (;;) {
-      position2d::State state;
-      if (!xdr::decode(client.receive(Kind::data, position2d::State::message.subtype).body, state)) {
-        throw std::runtime_error{"bad state"};
-      }
-      if (std::abs(state.velocity.x - speed_mps) < step_mps / 4) return Clock::now() - begin;
-    }
+    while (!answers(rpm)) continue;
+    return Clock::now() - begin;
   };
 
   std::vector<double> raw_us;
@@ -184,14 +180,4 @@ driver (name "differential" plugin ")" + plugins +
   }
 }
 
-}  // namespace
 }  // namespace regista::bench
-
-int main(int argc, char** argv) {
-  try {
-    regista::bench::run(regista::bench::Options{argc, argv});
-  } catch (const std::exception& exception) {
-    std::fprintf(stderr, "%s: %s\n", argv[0], exception.what());
-    return EXIT_FAILURE;
-  }
-}

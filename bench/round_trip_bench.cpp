@@ -94,6 +94,8 @@ struct Case {
   std::vector<double> times_us{};
 };
 
+}  // namespace
+
 void run(const Options& options) {
   std::uint16_t echo_port = 0;
   Descriptor listener = listen_anywhere(echo_port);
@@ -165,14 +167,4 @@ driver (name "fake_base" provides ["position2d:1"] rate 0 samples 0 echo 1))");
   }
 }
 
-}  // namespace
 }  // namespace regista::bench
-
-int main(int argc, char** argv) {
-  try {
-    regista::bench::run(regista::bench::Options{argc, argv});
-  } catch (const std::exception& exception) {
-    std::fprintf(stderr, "%s: %s\n", argv[0], exception.what());
-    return EXIT_FAILURE;
-  }
-}

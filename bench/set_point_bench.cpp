@@ -12,7 +12,6 @@
 #include <cstring>
 #include <regista/canopen/pump.hpp>
 #include <regista/canopen/socketcand.hpp>
-#include <regista/sim/can_drives.hpp>
 #include <stdexcept>
 #include <thread>
 
@@ -27,26 +26,16 @@ using canopen::CanFrame;
 
 constexpr Duration cycle = 10ms;
 
-/// Both drives, and when set-points for the first came.
-class Both final : public canopen::Station {
+/// When set-points for the first came.
+class Both final : public TwoDrives {
  public:
-  explicit Both(canopen::CanBus& bus) : left_{bus, 5, {}}, right_{bus, 6, {}} {}
+  using TwoDrives::TwoDrives;
   void on_frame(const CanFrame& frame, Time now) override {
     if (frame.id == 0x205) arrivals.push_back(Clock::now());
-    left_.on_frame(frame, now);
-    right_.on_frame(frame, now);
+    TwoDrives::on_frame(frame, now);
   }
-  void on_time(Time now) override {
-    left_.on_time(now);
-    right_.on_time(now);
-  }
-  [[nodiscard]] Time next_wake() const override { return std::min(left_.next_wake(), right_.next_wake()); }
 
   std::vector<Time> arrivals;
-
- private:
-  sim::CanDrive left_;
-  sim::CanDrive right_;
 };
 
 void print(const char* what, const std::vector<Time>& arrivals, std::size_t from) {

@@ -116,6 +116,9 @@ struct Options {
   std::string json;
 };
 
+/// What a benchmark does: each defines its own, and socket_main.cpp calls it.
+void run(const Options& options);
+
 /// Prints each row as it comes, and keeps all for the file.
 class Report {
  public:

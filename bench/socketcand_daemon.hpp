@@ -6,10 +6,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <regista/canopen/can_bus.hpp>
+#include <regista/sim/can_drives.hpp>
 #include <string>
 
 namespace regista::bench {
@@ -71,6 +73,29 @@ class Daemon final : public canopen::CanBus {
 
   int socket_;
   std::string in_;
+};
+
+/// Two drives on a bus, nodes 5 and 6.
+class TwoDrives : public canopen::Station {
+ public:
+  explicit TwoDrives(canopen::CanBus& bus) : left_{bus, 5, {}}, right_{bus, 6, {}} {}
+  void on_frame(const CanFrame& frame, Time now) override {
+    left_.on_frame(frame, now);
+    right_.on_frame(frame, now);
+  }
+  void on_time(Time now) override {
+    left_.on_time(now);
+    right_.on_time(now);
+  }
+  [[nodiscard]] Time next_wake() const override { return std::min(left_.next_wake(), right_.next_wake()); }
+  [[nodiscard]] bool started() {
+    return left_.slave().state() == canopen::NmtState::operational &&
+           right_.slave().state() == canopen::NmtState::operational;
+  }
+
+ private:
+  sim::CanDrive left_;
+  sim::CanDrive right_;
 };
 
 }  // namespace regista::bench

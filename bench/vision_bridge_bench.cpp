@@ -241,16 +241,13 @@ Outcome measure(Robots& robots, const Child& child, const ssl::Group& group, dou
 }
 
 }  // namespace
-}  // namespace regista::bench
 
-int main(int argc, char** argv) {
-  using namespace regista::bench;
-  const Options options{argc, argv};
+void run(const Options& options) {
   Report report{options};
   const double duration_s = options.quick ? 1 : 10;
   for (const bool is_bridge : {false, true}) {
     Robots robots;
-    const regista::ssl::Group group{"224.5.23.2", free_port()};
+    const ssl::Group group{"224.5.23.2", free_port()};
     const Child child = is_bridge ? start_bridge(robots, group) : start_bare_loop(robots, group);
     const Outcome outcome = measure(robots, child, group, duration_s);
     report.add("packet to pose, 4 cameras, 22 robots, 75 Hz",
@@ -261,6 +258,9 @@ int main(int argc, char** argv) {
                 {"cpu_percent", 100 * outcome.cpu},
                 {"poses", outcome.latencies_us.size()},
                 {"lost", outcome.lost}});
-    if (outcome.latencies_us.empty() || outcome.lost > outcome.latencies_us.size() / 100) return EXIT_FAILURE;
+    if (outcome.latencies_us.empty() || outcome.lost > outcome.latencies_us.size() / 100)
+      throw std::runtime_error{std::to_string(outcome.lost) + " poses lost"};
   }
 }
+
+}  // namespace regista::bench
