@@ -555,7 +555,15 @@ void DriverHost::tell_driver(PortState& state, PortCore& port) {
                     (command != nullptr && !tell(port, *command));
       }
     }
-    if (must_halt && open_) halt();
+    if (must_halt && open_) {
+      halt();
+      // All of the driver stands now, also what this group has nothing to do with.
+      for (PortState& of_port : states_) {
+        for (MotionGroup& other : of_port.groups) {
+          if (&other != &group && other.driving()) other.halted("halted to bring " + title(port) + " to rest", false);
+        }
+      }
+    }
     increment(metrics_.commands_clamped, group.take_clamped());
     increment(metrics_.commands_replaced, group.take_replaced());
   }

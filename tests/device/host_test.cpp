@@ -51,6 +51,7 @@ class Robot final : public Driver {
       return {};
     });
     arm.on<actarray::MultiSpeedCommand>([this](const actarray::MultiSpeedCommand& c) { joints = c.speeds.size(); });
+    arm.on<actarray::MultiPositionCommand>([](const actarray::MultiPositionCommand&) {});
     arm.on<actarray::SpeedCommand>([this](const actarray::SpeedCommand& c) {
       log.push_back("joint " + std::to_string(c.joint) + ' ' + std::to_string(c.speed).substr(0, 4));
     });
@@ -575,6 +576,24 @@ TEST(DriverHost, halts_a_driver_that_refuses_to_come_to_rest) {
   EXPECT_EQ(bench.driver->velocity.x, 0);
   const Log log = bench.driver->take_log();
   EXPECT_EQ(std::ranges::count(log, "halt"), 1);
+}
+
+TEST(DriverHost, knows_that_a_halt_for_one_device_has_stopped_the_others_of_its_driver) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  ASSERT_TRUE(bench.subscribe(arm, Access::open, bob));
+  bench.drive(1);
+  bench.command(arm, actarray::MultiPositionCommand{.positions = {1, 2}}, bob);
+  bench.cycle();
+  const auto state_of = [&](std::size_t port) {
+    const auto motion = bench.answer(port, player::GetMotion{}, port == arm ? bob : alice);
+    return motion ? *std::get_if<player::Motion>(&*motion) : player::Motion{};
+  };
+  EXPECT_EQ(state_of(arm).state, player::MotionState::driving);
+  bench.driver->busy = true;
+  bench.run(600ms);
+  EXPECT_EQ(state_of(arm).state, player::MotionState::stopped);
+  EXPECT_EQ(state_of(arm).reason, "halted to bring position2d:0 to rest");
 }
 
 TEST(DriverHost, asks_nothing_of_a_driver_that_failed_just_before) {

@@ -258,12 +258,17 @@ TEST(SslRobot, drives_on_through_half_a_second_without_vision) {
   EXPECT_EQ(robot.bench().events(), "");
 }
 
-TEST(SslRobot, stops_position_control_after_half_a_second_without_vision_and_resumes) {
-  Robot robot;
+/// To (2, 0), of which it has a good part before it when no camera sees it any more.
+void lose_vision_on_the_way(Robot& robot) {
   robot.settle();
   robot.go({.x = 2});
   robot.run(1s);
   robot.look(false);
+}
+
+TEST(SslRobot, stops_position_control_after_half_a_second_without_vision_and_resumes) {
+  Robot robot;
+  lose_vision_on_the_way(robot);
   robot.run(560ms);  // the last pose was some 30 ms old
   EXPECT_EQ(robot.bench().events(), "position2d:0: vision lost 0.5 s — position control stopped\n");
   EXPECT_EQ(robot.text("vision"), "stopped");
@@ -279,10 +284,7 @@ TEST(SslRobot, stops_position_control_after_half_a_second_without_vision_and_res
 
 TEST(SslRobot, refuses_a_destination_without_vision_and_does_not_resume_the_one_before_it) {
   Robot robot;
-  robot.settle();
-  robot.go({.x = 2});
-  robot.run(1s);
-  robot.look(false);
+  lose_vision_on_the_way(robot);
   robot.run(1160ms);
   (void)robot.bench().events();
   robot.go({.x = 1});
@@ -298,10 +300,7 @@ TEST(SslRobot, refuses_a_destination_without_vision_and_does_not_resume_the_one_
 
 TEST(SslRobot, gives_its_destination_up_after_two_seconds_without_vision) {
   Robot robot;
-  robot.settle();
-  robot.go({.x = 2});
-  robot.run(1s);
-  robot.look(false);
+  lose_vision_on_the_way(robot);
   robot.run(2100ms);
   EXPECT_EQ(robot.text("vision"), "lost");
   EXPECT_NE(robot.bench().events().find("position2d:0 stopped: vision lost 2 s: destination given up"),

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "tests/cli"))
 
 from command_line import Server  # noqa: E402
-from gateway import Gateway  # noqa: E402
+from gateway import Gateway, serving  # noqa: E402
 
 VIEW = {"width": 1280, "height": 800}
 
@@ -40,10 +40,8 @@ def robot():
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory):
     """A robot and its gateway, for tests that leave both as they were, but for where the robot is."""
-    with Server(ROOT / "examples/sim.cfg") as server:
-        gateway = Gateway(server.robot, folder=tmp_path_factory.mktemp("recordings"))
-        yield server, gateway
-        gateway.end()
+    with serving("sim.cfg", tmp_path_factory.mktemp("recordings")) as both:
+        yield both
 
 
 @pytest.fixture

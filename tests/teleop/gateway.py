@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """`regista teleop` under test."""
 
+import contextlib
 import signal
 import subprocess
 
-from command_line import REGISTA, environment
+from command_line import REGISTA, ROOT, Server, environment
 
 
 class Gateway:
@@ -28,3 +29,12 @@ class Gateway:
         if self.process.poll() is None:
             self.kill(signal.SIGTERM)
         self.process.stdout.close()
+
+
+@contextlib.contextmanager
+def serving(example, folder):
+    """A robot of examples/, and its gateway."""
+    with Server(ROOT / "examples" / example) as server:
+        gateway = Gateway(server.robot, folder=folder)
+        yield server, gateway
+        gateway.end()

@@ -9,8 +9,8 @@ import threading
 import numpy as np
 import pytest
 import regista
-from command_line import ROOT, Server, owned, wait_for
-from gateway import Gateway
+from command_line import owned, wait_for
+from gateway import serving
 from observer import Observer
 from regista import Pose2d, localize, planner
 from test_stops import HIDE
@@ -18,11 +18,8 @@ from test_stops import HIDE
 
 @pytest.fixture(scope="module")
 def field(tmp_path_factory):
-    """The robot, its gateway, and another client that asks it."""
-    with Server(ROOT / "examples/field.cfg") as server:
-        gateway = Gateway(server.robot, folder=tmp_path_factory.mktemp("recordings"))
-        yield server, gateway
-        gateway.end()
+    with serving("field.cfg", tmp_path_factory.mktemp("recordings")) as both:
+        yield both
 
 
 @pytest.fixture
