@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Print the cases of a JUnit file, one a line: "pass NAME" or "fail NAME". Skipped cases are neither."""
+"""Print the cases of a JUnit file, one a line: "pass NAME", "fail NAME" or "skip NAME: REASON"."""
 
 import sys
 from xml.etree import ElementTree
@@ -9,5 +9,7 @@ for case in ElementTree.parse(sys.argv[1]).iter("testcase"):
     name = ".".join(dict.fromkeys(filter(None, (case.get("classname"), case.get("name")))))
     if case.find("failure") is not None or case.find("error") is not None:
         print("fail", name)
-    elif case.find("skipped") is None:
+    elif (skipped := case.find("skipped")) is not None:
+        print(f"skip {name}:", " ".join(skipped.get("message", "").split()))
+    else:
         print("pass", name)
