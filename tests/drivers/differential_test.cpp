@@ -201,6 +201,20 @@ TEST(Differential, wheels_that_lose_their_power_take_the_destination_with_them) 
   EXPECT_EQ(base.wheels->speeds[0], 0);
 }
 
+TEST(Differential, is_not_stopped_by_what_its_last_user_switched_off) {
+  Base base;
+  (void)base.bench.ask(player::Subscribe{.access = player::Access::close});
+  base.wheels->powered = false;
+  base.run(1s);
+  (void)base.bench.ask(player::Subscribe{.access = player::Access::open});
+  base.run(100ms);
+  (void)base.bench.ask(position2d::SetMotorPower{.on = 1});
+  base.run(100ms);
+  EXPECT_TRUE(base.wheels->powered);
+  base.drive(0.5, 0, 300ms);
+  EXPECT_GT(base.wheels->speeds[0], 0);
+}
+
 TEST(Differential, stops_when_its_wheels_fall_silent) {
   Base base;
   base.drive(0.5, 0, 1s);
