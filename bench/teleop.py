@@ -82,7 +82,10 @@ def latencies(page, tap: Tap) -> list[float]:
         page.wait_for_timeout(300)
         before = len(tap.commands)
         page.keyboard.down("w")
+        end = time.monotonic() + 5
         while len(tap.commands) == before:
+            if time.monotonic() > end:
+                raise RuntimeError("no command came of a key within 5 s: has the page lost the robot?")
             page.wait_for_timeout(5)
         found.append((tap.commands[before] - page.evaluate("window.at") / 1e3) * 1e3)
         page.keyboard.up("w")
