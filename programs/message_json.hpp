@@ -34,7 +34,7 @@ std::vector<std::string> names() {
     if (is_counted<typename F::Value>) names.push_back(name + "_count");
     names.push_back(name);
   };
-  std::apply([&](const auto&... field) { (add(field), ...); }, fields<T>);
+  fields<T>.apply([&](const auto&... field) { (add(field), ...); });
   return names;
 }
 

@@ -16,15 +16,15 @@ struct State {
   std::uint8_t stored = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{Field<&State::state>{"state", "", "1 open, 2 closed, 3 moving, 4 error"},
-                                            Field<&State::beams>{"beams", "", "bit 0 is the outer beam; 1: broken"},
-                                            Field<&State::stored>{"stored", "", "objects held"}};
+  static constexpr auto fields = Fields{Field<&State::state>{"state", "", "1 open, 2 closed, 3 moving, 4 error"},
+                                        Field<&State::beams>{"beams", "", "bit 0 is the outer beam; 1: broken"},
+                                        Field<&State::stored>{"stored", "", "objects held"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
 struct OpenCommand {
   static constexpr Message message{code, Kind::command, 1, "OPEN", Flow::edge, "gripper"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const OpenCommand&, const OpenCommand&) = default;
 };
 

@@ -76,7 +76,7 @@ void compare(const std::string& theirs, const std::string& place) {
       EXPECT_EQ(member[2], "") << here;
     }
   };
-  std::apply([&](const auto&... field) { (compare_field(field), ...); }, fields<T>);
+  fields<T>.apply([&](const auto&... field) { (compare_field(field), ...); });
   EXPECT_EQ(next, members.size()) << place << ": fields are missing";
 }
 
@@ -175,15 +175,15 @@ TEST(Description, names_each_field_of_a_message_once) {
       EXPECT_TRUE(ours.insert(field.name).second) << M::message.name << ' ' << field.name;
       EXPECT_TRUE(players.insert(field.wire_name).second) << M::message.name << ' ' << field.wire_name;
     };
-    std::apply([&](const auto&... field) { (insert(field), ...); }, fields<M>);
+    fields<M>.apply([&](const auto&... field) { (insert(field), ...); });
   });
 }
 
 TEST(Field, is_named_as_its_member) {
-  using namespace position2d;
-  EXPECT_EQ(std::get<0>(fields<State>).name, "pose");
-  EXPECT_EQ(std::get<2>(fields<VelocityCommand>).name, "age_s");
-  EXPECT_EQ(std::get<0>(fields<property::GetInt>).name, "key");  // of a template
+  using Names = std::vector<std::string_view>;
+  const auto names = [](const auto&... field) { return Names{field.name...}; };
+  EXPECT_EQ(fields<position2d::State>.apply(names), (Names{"pose", "velocity", "stalled"}));
+  EXPECT_EQ(fields<property::GetInt>.apply(names), (Names{"key", "value"}));  // of a template
 }
 
 TEST(Flow, never_repeats_what_happens_once) {

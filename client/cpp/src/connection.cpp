@@ -49,13 +49,11 @@ bool make_fit(M& message) {
 
 template <typename M>
 constexpr bool has_counts = [] {
-  return std::apply(
-      [](const auto&... field) {
-        return (false || ... ||
-                (std::same_as<typename std::remove_cvref_t<decltype(field)>::Value, Text> ||
-                 is_vector<typename std::remove_cvref_t<decltype(field)>::Value>));
-      },
-      fields<M>);
+  return fields<M>.apply([](const auto&... field) {
+    return (false || ... ||
+            (std::same_as<typename std::remove_cvref_t<decltype(field)>::Value, Text> ||
+             is_vector<typename std::remove_cvref_t<decltype(field)>::Value>));
+  });
 }();
 
 regista::Error refusal(std::span<const std::byte> body, bool extended) {

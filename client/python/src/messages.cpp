@@ -27,9 +27,9 @@ PyObject* const* attributes_of() {
   static const auto names = [] {
     std::array<PyObject*, field_count<T>> list{};
     std::size_t i = 0;
-    std::apply(
-        [&](const auto&... field) { ((list[i++] = PyUnicode_InternFromString(std::string{field.name}.c_str())), ...); },
-        fields<T>);
+    fields<T>.apply([&](const auto&... field) {
+      ((list[i++] = PyUnicode_InternFromString(std::string{field.name}.c_str())), ...);
+    });
     return list;
   }();
   return names.data();

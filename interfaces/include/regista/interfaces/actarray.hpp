@@ -19,7 +19,7 @@ struct Actuator {
   float current_a = 0;
   ActuatorState state{};
 
-  static constexpr auto fields = std::tuple{
+  static constexpr auto fields = Fields{
       Field<&Actuator::position>{"position", "m or rad"}, Field<&Actuator::speed>{"speed", "m/s or rad/s"},
       Field<&Actuator::acceleration>{"acceleration", "m/s^2 or rad/s^2"}, Field<&Actuator::current_a>{"current", "A"},
       Field<&Actuator::state>{"state", "", "1 idle, 2 moving, 3 braked, 4 stalled"}};
@@ -31,8 +31,7 @@ struct State {
   std::uint8_t motors_on = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields =
-      std::tuple{Field<&State::actuators>{"actuators"}, Field<&State::motors_on>{"motor_state"}};
+  static constexpr auto fields = Fields{Field<&State::actuators>{"actuators"}, Field<&State::motors_on>{"motor_state"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -48,16 +47,16 @@ struct ActuatorGeometry {
   float speed = 0;
   std::uint8_t has_brakes = 0;
 
-  static constexpr auto fields = std::tuple{Field<&ActuatorGeometry::type>{"type", "", "1 linear, 2 rotary"},
-                                            Field<&ActuatorGeometry::length_m>{"length", "m"},
-                                            Field<&ActuatorGeometry::orientation>{"orientation"},
-                                            Field<&ActuatorGeometry::axis>{"axis", "", "of motion"},
-                                            Field<&ActuatorGeometry::min>{"min", "m or rad"},
-                                            Field<&ActuatorGeometry::centre>{"centre", "m or rad"},
-                                            Field<&ActuatorGeometry::max>{"max", "m or rad"},
-                                            Field<&ActuatorGeometry::home>{"home", "m or rad"},
-                                            Field<&ActuatorGeometry::speed>{"config_speed", "m/s or rad/s", "largest"},
-                                            Field<&ActuatorGeometry::has_brakes>{"hasbrakes"}};
+  static constexpr auto fields = Fields{Field<&ActuatorGeometry::type>{"type", "", "1 linear, 2 rotary"},
+                                        Field<&ActuatorGeometry::length_m>{"length", "m"},
+                                        Field<&ActuatorGeometry::orientation>{"orientation"},
+                                        Field<&ActuatorGeometry::axis>{"axis", "", "of motion"},
+                                        Field<&ActuatorGeometry::min>{"min", "m or rad"},
+                                        Field<&ActuatorGeometry::centre>{"centre", "m or rad"},
+                                        Field<&ActuatorGeometry::max>{"max", "m or rad"},
+                                        Field<&ActuatorGeometry::home>{"home", "m or rad"},
+                                        Field<&ActuatorGeometry::speed>{"config_speed", "m/s or rad/s", "largest"},
+                                        Field<&ActuatorGeometry::has_brakes>{"hasbrakes"}};
   friend bool operator==(const ActuatorGeometry&, const ActuatorGeometry&) = default;
 };
 
@@ -67,8 +66,8 @@ struct Geometry {
   Orientation3d base_orientation{};
 
   static constexpr auto fields =
-      std::tuple{Field<&Geometry::actuators>{"actuators"}, Field<&Geometry::base_position>{"base_pos"},
-                 Field<&Geometry::base_orientation>{"base_orientation"}};
+      Fields{Field<&Geometry::actuators>{"actuators"}, Field<&Geometry::base_position>{"base_pos"},
+             Field<&Geometry::base_orientation>{"base_orientation"}};
   friend bool operator==(const Geometry&, const Geometry&) = default;
 };
 
@@ -77,8 +76,8 @@ struct PositionCommand {
   float position = 0;
 
   static constexpr Message message{code, Kind::command, 1, "POS"};
-  static constexpr auto fields = std::tuple{Field<&PositionCommand::joint>{"joint", "", "-1: all"},
-                                            Field<&PositionCommand::position>{"position", "m or rad"}};
+  static constexpr auto fields = Fields{Field<&PositionCommand::joint>{"joint", "", "-1: all"},
+                                        Field<&PositionCommand::position>{"position", "m or rad"}};
   friend bool operator==(const PositionCommand&, const PositionCommand&) = default;
 };
 
@@ -86,7 +85,7 @@ struct MultiPositionCommand {
   std::vector<float> positions{};
 
   static constexpr Message message{code, Kind::command, 2, "MULTI_POS"};
-  static constexpr auto fields = std::tuple{Field<&MultiPositionCommand::positions>{"positions", "m or rad"}};
+  static constexpr auto fields = Fields{Field<&MultiPositionCommand::positions>{"positions", "m or rad"}};
   friend bool operator==(const MultiPositionCommand&, const MultiPositionCommand&) = default;
 };
 
@@ -95,8 +94,8 @@ struct SpeedCommand {
   float speed = 0;
 
   static constexpr Message message{code, Kind::command, 3, "SPEED"};
-  static constexpr auto fields = std::tuple{Field<&SpeedCommand::joint>{"joint", "", "-1: all"},
-                                            Field<&SpeedCommand::speed>{"speed", "m/s or rad/s"}};
+  static constexpr auto fields =
+      Fields{Field<&SpeedCommand::joint>{"joint", "", "-1: all"}, Field<&SpeedCommand::speed>{"speed", "m/s or rad/s"}};
   friend bool operator==(const SpeedCommand&, const SpeedCommand&) = default;
 };
 
@@ -104,7 +103,7 @@ struct MultiSpeedCommand {
   std::vector<float> speeds{};
 
   static constexpr Message message{code, Kind::command, 4, "MULTI_SPEED"};
-  static constexpr auto fields = std::tuple{Field<&MultiSpeedCommand::speeds>{"speeds", "m/s or rad/s"}};
+  static constexpr auto fields = Fields{Field<&MultiSpeedCommand::speeds>{"speeds", "m/s or rad/s"}};
   friend bool operator==(const MultiSpeedCommand&, const MultiSpeedCommand&) = default;
 };
 
@@ -112,7 +111,7 @@ struct HomeCommand {
   std::int32_t joint = 0;
 
   static constexpr Message message{code, Kind::command, 5, "HOME", Flow::edge};
-  static constexpr auto fields = std::tuple{Field<&HomeCommand::joint>{"joint", "", "-1: all"}};
+  static constexpr auto fields = Fields{Field<&HomeCommand::joint>{"joint", "", "-1: all"}};
   friend bool operator==(const HomeCommand&, const HomeCommand&) = default;
 };
 
@@ -121,8 +120,8 @@ struct CurrentCommand {
   float current_a = 0;
 
   static constexpr Message message{code, Kind::command, 6, "CURRENT"};
-  static constexpr auto fields = std::tuple{Field<&CurrentCommand::joint>{"joint", "", "-1: all"},
-                                            Field<&CurrentCommand::current_a>{"current", "A"}};
+  static constexpr auto fields =
+      Fields{Field<&CurrentCommand::joint>{"joint", "", "-1: all"}, Field<&CurrentCommand::current_a>{"current", "A"}};
   friend bool operator==(const CurrentCommand&, const CurrentCommand&) = default;
 };
 
@@ -130,7 +129,7 @@ struct MultiCurrentCommand {
   std::vector<float> currents_a{};
 
   static constexpr Message message{code, Kind::command, 7, "MULTI_CURRENT"};
-  static constexpr auto fields = std::tuple{Field<&MultiCurrentCommand::currents_a>{"currents", "A"}};
+  static constexpr auto fields = Fields{Field<&MultiCurrentCommand::currents_a>{"currents", "A"}};
   friend bool operator==(const MultiCurrentCommand&, const MultiCurrentCommand&) = default;
 };
 
@@ -139,7 +138,7 @@ struct SetPower {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 1, "POWER"};
-  static constexpr auto fields = std::tuple{Field<&SetPower::on>{"value", "", "1: on"}};
+  static constexpr auto fields = Fields{Field<&SetPower::on>{"value", "", "1: on"}};
   friend bool operator==(const SetPower&, const SetPower&) = default;
 };
 
@@ -148,14 +147,14 @@ struct SetBrakes {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 2, "BRAKES"};
-  static constexpr auto fields = std::tuple{Field<&SetBrakes::on>{"value", "", "1: on"}};
+  static constexpr auto fields = Fields{Field<&SetBrakes::on>{"value", "", "1: on"}};
   friend bool operator==(const SetBrakes&, const SetBrakes&) = default;
 };
 
 struct GetGeometry {
   using Reply = Geometry;
   static constexpr Message message{code, Kind::request, 3, "GET_GEOM"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetGeometry&, const GetGeometry&) = default;
 };
 
@@ -167,7 +166,7 @@ struct SetSpeed {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 4, "SPEED"};
   static constexpr auto fields =
-      std::tuple{Field<&SetSpeed::joint>{"joint", "", "-1: all"}, Field<&SetSpeed::speed>{"speed", "m/s or rad/s"}};
+      Fields{Field<&SetSpeed::joint>{"joint", "", "-1: all"}, Field<&SetSpeed::speed>{"speed", "m/s or rad/s"}};
   friend bool operator==(const SetSpeed&, const SetSpeed&) = default;
 };
 
@@ -177,8 +176,8 @@ struct SetAcceleration {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 5, "ACCEL"};
-  static constexpr auto fields = std::tuple{Field<&SetAcceleration::joint>{"joint", "", "-1: all"},
-                                            Field<&SetAcceleration::acceleration>{"accel", "m/s^2 or rad/s^2"}};
+  static constexpr auto fields = Fields{Field<&SetAcceleration::joint>{"joint", "", "-1: all"},
+                                        Field<&SetAcceleration::acceleration>{"accel", "m/s^2 or rad/s^2"}};
   friend bool operator==(const SetAcceleration&, const SetAcceleration&) = default;
 };
 

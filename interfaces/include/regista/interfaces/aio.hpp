@@ -13,7 +13,7 @@ struct State {
   std::vector<float> voltages_v{};
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{Field<&State::voltages_v>{"voltages", "V"}};
+  static constexpr auto fields = Fields{Field<&State::voltages_v>{"voltages", "V"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -23,7 +23,7 @@ struct OutputCommand {
 
   static constexpr Message message{code, Kind::command, 1, "STATE", Flow::edge, "output"};
   static constexpr auto fields =
-      std::tuple{Field<&OutputCommand::channel>{"id"}, Field<&OutputCommand::voltage_v>{"voltage", "V"}};
+      Fields{Field<&OutputCommand::channel>{"id"}, Field<&OutputCommand::voltage_v>{"voltage", "V"}};
   friend bool operator==(const OutputCommand&, const OutputCommand&) = default;
 };
 

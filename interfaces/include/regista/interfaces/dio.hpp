@@ -14,8 +14,8 @@ struct State {
   std::uint32_t bits = 0;
 
   static constexpr Message message{code, Kind::data, 1, "VALUES"};
-  static constexpr auto fields = std::tuple{Field<&State::count>{"count", "", "how many bits are valid"},
-                                            Field<&State::bits>{"bits", "", "bit 0 is input 0"}};
+  static constexpr auto fields = Fields{Field<&State::count>{"count", "", "how many bits are valid"},
+                                        Field<&State::bits>{"bits", "", "bit 0 is input 0"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -24,8 +24,8 @@ struct OutputCommand {
   std::uint32_t bits = 0;
 
   static constexpr Message message{code, Kind::command, 1, "VALUES", Flow::edge, "output"};
-  static constexpr auto fields = std::tuple{Field<&OutputCommand::count>{"count", "", "how many bits are meant"},
-                                            Field<&OutputCommand::bits>{"digout", "", "bit 0 is output 0"}};
+  static constexpr auto fields = Fields{Field<&OutputCommand::count>{"count", "", "how many bits are meant"},
+                                        Field<&OutputCommand::bits>{"digout", "", "bit 0 is output 0"}};
   friend bool operator==(const OutputCommand&, const OutputCommand&) = default;
 };
 

@@ -9,7 +9,6 @@
 #include <optional>
 #include <regista/core/geometry.hpp>
 #include <string_view>
-#include <tuple>
 #include <type_traits>
 #include <vector>
 
@@ -62,6 +61,19 @@ struct Field {
       : wire_name{wire}, unit{in}, doc{says}, max_count{at_most} {}
 };
 
+/// A list of Field. Not a std::tuple: with that, messages.hpp took the compiler three times as long. Every field is a
+/// type of its own, and so they can all be bases.
+template <typename... Fs>
+struct Fields : Fs... {
+  /// `function(field...)`, in the order of the list.
+  template <typename Function>
+  constexpr decltype(auto) apply(Function&& function) const {
+    return function(static_cast<const Fs&>(*this)...);
+  }
+};
+template <typename... Fs>
+Fields(Fs...) -> Fields<Fs...>;
+
 /// The fields of a struct in wire order, said once: encoder, decoder, comparison, text, JSON and test generators read
 /// this list. A message carries it as a static member.
 template <typename T>
@@ -74,13 +86,12 @@ template <typename T>
 concept Described = !std::is_null_pointer_v<std::remove_cvref_t<decltype(fields<T>)>>;
 
 template <Described T>
-inline constexpr std::size_t field_count = std::tuple_size_v<std::remove_cvref_t<decltype(fields<T>)>>;
+inline constexpr std::size_t field_count = fields<T>.apply([](const auto&... field) { return sizeof...(field); });
 
 /// Call `visit(field, value)` for each field of `object`, in wire order.
 template <typename T, typename Visit>
 constexpr void for_each_field(T&& object, Visit&& visit) {
-  std::apply([&](const auto&... field) { (visit(field, object.*(field.member)), ...); },
-             fields<std::remove_cvref_t<T>>);
+  fields<std::remove_cvref_t<T>>.apply([&](const auto&... field) { (visit(field, object.*(field.member)), ...); });
 }
 
 template <typename T>
@@ -102,34 +113,34 @@ inline constexpr bool is_vector<std::vector<T>> = true;
 
 template <>
 inline constexpr auto fields<Pose2d> =
-    std::tuple{Field<&Pose2d::x>{"px", "m"}, Field<&Pose2d::y>{"py", "m"}, Field<&Pose2d::heading>{"pa", "rad"}};
+    Fields{Field<&Pose2d::x>{"px", "m"}, Field<&Pose2d::y>{"py", "m"}, Field<&Pose2d::heading>{"pa", "rad"}};
 
 template <>
-inline constexpr auto fields<BodyVelocity> = std::tuple{
+inline constexpr auto fields<BodyVelocity> = Fields{
     Field<&BodyVelocity::x>{"px", "m/s"}, Field<&BodyVelocity::y>{"py", "m/s"}, Field<&BodyVelocity::w>{"pa", "rad/s"}};
 
 template <>
 inline constexpr auto fields<Point3d> =
-    std::tuple{Field<&Point3d::x>{"px", "m"}, Field<&Point3d::y>{"py", "m"}, Field<&Point3d::z>{"pz", "m"}};
+    Fields{Field<&Point3d::x>{"px", "m"}, Field<&Point3d::y>{"py", "m"}, Field<&Point3d::z>{"pz", "m"}};
 
 template <>
 inline constexpr auto fields<Orientation3d> =
-    std::tuple{Field<&Orientation3d::roll>{"proll", "rad"}, Field<&Orientation3d::pitch>{"ppitch", "rad"},
-               Field<&Orientation3d::yaw>{"pyaw", "rad"}};
+    Fields{Field<&Orientation3d::roll>{"proll", "rad"}, Field<&Orientation3d::pitch>{"ppitch", "rad"},
+           Field<&Orientation3d::yaw>{"pyaw", "rad"}};
 
 template <>
-inline constexpr auto fields<Pose3d> = std::tuple{
+inline constexpr auto fields<Pose3d> = Fields{
     Field<&Pose3d::x>{"px", "m"},         Field<&Pose3d::y>{"py", "m"},           Field<&Pose3d::z>{"pz", "m"},
     Field<&Pose3d::roll>{"proll", "rad"}, Field<&Pose3d::pitch>{"ppitch", "rad"}, Field<&Pose3d::yaw>{"pyaw", "rad"}};
 
 template <>
 inline constexpr auto fields<Rates3d> =
-    std::tuple{Field<&Rates3d::x>{"px"},       Field<&Rates3d::y>{"py"},         Field<&Rates3d::z>{"pz"},
-               Field<&Rates3d::roll>{"proll"}, Field<&Rates3d::pitch>{"ppitch"}, Field<&Rates3d::yaw>{"pyaw"}};
+    Fields{Field<&Rates3d::x>{"px"},       Field<&Rates3d::y>{"py"},         Field<&Rates3d::z>{"pz"},
+           Field<&Rates3d::roll>{"proll"}, Field<&Rates3d::pitch>{"ppitch"}, Field<&Rates3d::yaw>{"pyaw"}};
 
 template <>
 inline constexpr auto fields<Size3d> =
-    std::tuple{Field<&Size3d::width>{"sw", "m", "along y"}, Field<&Size3d::length>{"sl", "m", "along x"},
-               Field<&Size3d::height>{"sh", "m", "along z"}};
+    Fields{Field<&Size3d::width>{"sw", "m", "along y"}, Field<&Size3d::length>{"sl", "m", "along x"},
+           Field<&Size3d::height>{"sh", "m", "along z"}};
 
 }  // namespace regista

@@ -27,21 +27,21 @@ struct State {
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
   static constexpr auto fields =
-      std::tuple{Field<&State::time_s>{"time_sec", "s", "UTC since 1970"},
-                 Field<&State::time_us>{"time_usec", "us", "the fraction"},
-                 Field<&State::latitude>{"latitude", "1e-7 deg", "north"},
-                 Field<&State::longitude>{"longitude", "1e-7 deg", "east"},
-                 Field<&State::altitude_mm>{"altitude", "mm", "above the ellipsoid"},
-                 Field<&State::speed_mps>{"speed", "m/s", "over ground"},
-                 Field<&State::course_rad>{"course", "rad", "over ground, counter-clockwise from north"},
-                 Field<&State::utm_e_m>{"utm_e", "m", "UTM easting"},
-                 Field<&State::utm_n_m>{"utm_n", "m", "UTM northing"},
-                 Field<&State::quality>{"quality", "", "0 no fix, 1 GPS, 2 differential"},
-                 Field<&State::satellites>{"num_sats", "", "in view"},
-                 Field<&State::hdop_tenths>{"hdop", "0.1", "horizontal dilution of precision"},
-                 Field<&State::vdop_tenths>{"vdop", "0.1", "vertical dilution of precision"},
-                 Field<&State::horizontal_error_m>{"err_horz", "m"},
-                 Field<&State::vertical_error_m>{"err_vert", "m"}};
+      Fields{Field<&State::time_s>{"time_sec", "s", "UTC since 1970"},
+             Field<&State::time_us>{"time_usec", "us", "the fraction"},
+             Field<&State::latitude>{"latitude", "1e-7 deg", "north"},
+             Field<&State::longitude>{"longitude", "1e-7 deg", "east"},
+             Field<&State::altitude_mm>{"altitude", "mm", "above the ellipsoid"},
+             Field<&State::speed_mps>{"speed", "m/s", "over ground"},
+             Field<&State::course_rad>{"course", "rad", "over ground, counter-clockwise from north"},
+             Field<&State::utm_e_m>{"utm_e", "m", "UTM easting"},
+             Field<&State::utm_n_m>{"utm_n", "m", "UTM northing"},
+             Field<&State::quality>{"quality", "", "0 no fix, 1 GPS, 2 differential"},
+             Field<&State::satellites>{"num_sats", "", "in view"},
+             Field<&State::hdop_tenths>{"hdop", "0.1", "horizontal dilution of precision"},
+             Field<&State::vdop_tenths>{"vdop", "0.1", "vertical dilution of precision"},
+             Field<&State::horizontal_error_m>{"err_horz", "m"},
+             Field<&State::vertical_error_m>{"err_vert", "m"}};
   friend bool operator==(const State&, const State&) = default;
 };
 

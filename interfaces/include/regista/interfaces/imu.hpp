@@ -12,7 +12,7 @@ struct State {
   Pose3d pose{};
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{Field<&State::pose>{"pose"}};
+  static constexpr auto fields = Fields{Field<&State::pose>{"pose"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -29,7 +29,7 @@ struct Calibrated {
   float field_z = 0;
 
   static constexpr Message message{code, Kind::data, 2, "CALIB"};
-  static constexpr auto fields = std::tuple{
+  static constexpr auto fields = Fields{
       Field<&Calibrated::acceleration_x>{"accel_x", "m/s^2"}, Field<&Calibrated::acceleration_y>{"accel_y", "m/s^2"},
       Field<&Calibrated::acceleration_z>{"accel_z", "m/s^2"}, Field<&Calibrated::rate_x>{"gyro_x", "rad/s"},
       Field<&Calibrated::rate_y>{"gyro_y", "rad/s"},          Field<&Calibrated::rate_z>{"gyro_z", "rad/s"},
@@ -47,8 +47,8 @@ struct Quaternion {
 
   static constexpr Message message{code, Kind::data, 3, "QUAT"};
   static constexpr auto fields =
-      std::tuple{Field<&Quaternion::samples>{"calib_data"}, Field<&Quaternion::q0>{"q0", "", "scalar part"},
-                 Field<&Quaternion::q1>{"q1"}, Field<&Quaternion::q2>{"q2"}, Field<&Quaternion::q3>{"q3"}};
+      Fields{Field<&Quaternion::samples>{"calib_data"}, Field<&Quaternion::q0>{"q0", "", "scalar part"},
+             Field<&Quaternion::q1>{"q1"}, Field<&Quaternion::q2>{"q2"}, Field<&Quaternion::q3>{"q3"}};
   friend bool operator==(const Quaternion&, const Quaternion&) = default;
 };
 
@@ -58,7 +58,7 @@ struct Euler {
 
   static constexpr Message message{code, Kind::data, 4, "EULER"};
   static constexpr auto fields =
-      std::tuple{Field<&Euler::samples>{"calib_data"}, Field<&Euler::orientation>{"orientation"}};
+      Fields{Field<&Euler::samples>{"calib_data"}, Field<&Euler::orientation>{"orientation"}};
   friend bool operator==(const Euler&, const Euler&) = default;
 };
 
@@ -69,8 +69,8 @@ struct FullState {
 
   static constexpr Message message{code, Kind::data, 5, "FULLSTATE"};
   static constexpr auto fields =
-      std::tuple{Field<&FullState::pose>{"pose"}, Field<&FullState::velocity>{"vel", "", "m/s, rad/s"},
-                 Field<&FullState::acceleration>{"acc", "", "m/s^2, rad/s^2"}};
+      Fields{Field<&FullState::pose>{"pose"}, Field<&FullState::velocity>{"vel", "", "m/s, rad/s"},
+             Field<&FullState::acceleration>{"acc", "", "m/s^2, rad/s^2"}};
   friend bool operator==(const FullState&, const FullState&) = default;
 };
 
@@ -80,7 +80,7 @@ struct SetDataType {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 1, "SET_DATATYPE"};
-  static constexpr auto fields = std::tuple{Field<&SetDataType::subtype>{"value", "", "of the data message"}};
+  static constexpr auto fields = Fields{Field<&SetDataType::subtype>{"value", "", "of the data message"}};
   friend bool operator==(const SetDataType&, const SetDataType&) = default;
 };
 
@@ -89,7 +89,7 @@ struct ResetOrientation {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 2, "RESET_ORIENTATION"};
-  static constexpr auto fields = std::tuple{Field<&ResetOrientation::value>{"value", "", "driver specific"}};
+  static constexpr auto fields = Fields{Field<&ResetOrientation::value>{"value", "", "driver specific"}};
   friend bool operator==(const ResetOrientation&, const ResetOrientation&) = default;
 };
 
@@ -98,7 +98,7 @@ struct ResetEuler {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 3, "RESET_EULER"};
-  static constexpr auto fields = std::tuple{Field<&ResetEuler::orientation>{"orientation"}};
+  static constexpr auto fields = Fields{Field<&ResetEuler::orientation>{"orientation"}};
   friend bool operator==(const ResetEuler&, const ResetEuler&) = default;
 };
 

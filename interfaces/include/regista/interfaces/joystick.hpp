@@ -16,9 +16,9 @@ struct State {
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
   static constexpr auto fields =
-      std::tuple{Field<&State::positions>{"pos", "", "of the axes, in units of `scales`"},
-                 Field<&State::scales>{"scale", "", "the largest position"},
-                 Field<&State::buttons>{"buttons", "", "bit 0 is button 0"}, Field<&State::axis_count>{"axes_count"}};
+      Fields{Field<&State::positions>{"pos", "", "of the axes, in units of `scales`"},
+             Field<&State::scales>{"scale", "", "the largest position"},
+             Field<&State::buttons>{"buttons", "", "bit 0 is button 0"}, Field<&State::axis_count>{"axes_count"}};
   friend bool operator==(const State&, const State&) = default;
 };
 

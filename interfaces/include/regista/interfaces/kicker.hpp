@@ -16,11 +16,11 @@ struct State {
   std::uint32_t kick_count = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{
-      Field<&State::capacitor_v>{"capacitor", "V"}, Field<&State::charged>{"charged", "", "1: ready to kick"},
-      Field<&State::ball_detected>{"ball", "", "1: the ball is before the kicker"},
-      Field<&State::dribbler_radps>{"dribbler", "rad/s", "measured"},
-      Field<&State::kick_count>{"kicks", "", "kicks and chips since the driver opened"}};
+  static constexpr auto fields =
+      Fields{Field<&State::capacitor_v>{"capacitor", "V"}, Field<&State::charged>{"charged", "", "1: ready to kick"},
+             Field<&State::ball_detected>{"ball", "", "1: the ball is before the kicker"},
+             Field<&State::dribbler_radps>{"dribbler", "rad/s", "measured"},
+             Field<&State::kick_count>{"kicks", "", "kicks and chips since the driver opened"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -28,7 +28,7 @@ struct KickCommand {
   float speed_mps = 0;
 
   static constexpr Message message{code, Kind::command, 1, "KICK", Flow::edge, "kick"};
-  static constexpr auto fields = std::tuple{Field<&KickCommand::speed_mps>{"speed", "m/s", "of the ball"}};
+  static constexpr auto fields = Fields{Field<&KickCommand::speed_mps>{"speed", "m/s", "of the ball"}};
   friend bool operator==(const KickCommand&, const KickCommand&) = default;
 };
 
@@ -37,8 +37,8 @@ struct ChipCommand {
   float angle_rad = 0;
 
   static constexpr Message message{code, Kind::command, 2, "CHIP", Flow::edge, "kick"};
-  static constexpr auto fields = std::tuple{Field<&ChipCommand::speed_mps>{"speed", "m/s", "of the ball"},
-                                            Field<&ChipCommand::angle_rad>{"angle", "rad", "above the floor"}};
+  static constexpr auto fields = Fields{Field<&ChipCommand::speed_mps>{"speed", "m/s", "of the ball"},
+                                        Field<&ChipCommand::angle_rad>{"angle", "rad", "above the floor"}};
   friend bool operator==(const ChipCommand&, const ChipCommand&) = default;
 };
 
@@ -47,7 +47,7 @@ struct DribblerCommand {
 
   static constexpr Message message{code, Kind::command, 3, "DRIBBLER", Flow::set_point, "dribbler"};
   static constexpr auto fields =
-      std::tuple{Field<&DribblerCommand::speed_radps>{"speed", "rad/s", "positive holds the ball"}};
+      Fields{Field<&DribblerCommand::speed_radps>{"speed", "rad/s", "positive holds the ball"}};
   friend bool operator==(const DribblerCommand&, const DribblerCommand&) = default;
 };
 
@@ -55,7 +55,7 @@ struct ChargeCommand {
   std::uint8_t on = 0;
 
   static constexpr Message message{code, Kind::command, 4, "CHARGE", Flow::edge, "kick"};
-  static constexpr auto fields = std::tuple{Field<&ChargeCommand::on>{"state", "", "1: keep the capacitor charged"}};
+  static constexpr auto fields = Fields{Field<&ChargeCommand::on>{"state", "", "1: keep the capacitor charged"}};
   friend bool operator==(const ChargeCommand&, const ChargeCommand&) = default;
 };
 
@@ -63,8 +63,8 @@ struct Geometry {
   Pose3d pose{};
   Size3d size{};
 
-  static constexpr auto fields = std::tuple{Field<&Geometry::pose>{"pose", "", "of the plate in the robot's frame"},
-                                            Field<&Geometry::size>{"size"}};
+  static constexpr auto fields =
+      Fields{Field<&Geometry::pose>{"pose", "", "of the plate in the robot's frame"}, Field<&Geometry::size>{"size"}};
   friend bool operator==(const Geometry&, const Geometry&) = default;
 };
 
@@ -75,25 +75,25 @@ struct Limits {
   float chip_angle_max_rad = 0;
   float dribbler_radps = 0;
 
-  static constexpr auto fields = std::tuple{Field<&Limits::kick_speed_mps>{"kick_speed", "m/s", "largest"},
-                                            Field<&Limits::chip_speed_mps>{"chip_speed", "m/s", "largest"},
-                                            Field<&Limits::chip_angle_min_rad>{"chip_angle_min", "rad"},
-                                            Field<&Limits::chip_angle_max_rad>{"chip_angle_max", "rad"},
-                                            Field<&Limits::dribbler_radps>{"dribbler", "rad/s", "largest"}};
+  static constexpr auto fields = Fields{Field<&Limits::kick_speed_mps>{"kick_speed", "m/s", "largest"},
+                                        Field<&Limits::chip_speed_mps>{"chip_speed", "m/s", "largest"},
+                                        Field<&Limits::chip_angle_min_rad>{"chip_angle_min", "rad"},
+                                        Field<&Limits::chip_angle_max_rad>{"chip_angle_max", "rad"},
+                                        Field<&Limits::dribbler_radps>{"dribbler", "rad/s", "largest"}};
   friend bool operator==(const Limits&, const Limits&) = default;
 };
 
 struct GetGeometry {
   using Reply = Geometry;
   static constexpr Message message{code, Kind::request, 1, "GET_GEOM"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetGeometry&, const GetGeometry&) = default;
 };
 
 struct GetLimits {
   using Reply = Limits;
   static constexpr Message message{code, Kind::request, 2, "GET_LIMITS"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetLimits&, const GetLimits&) = default;
 };
 

@@ -14,9 +14,9 @@ struct Hypothesis {
   double weight = 0;
 
   static constexpr auto fields =
-      std::tuple{Field<&Hypothesis::mean>{"mean"},
-                 Field<&Hypothesis::covariance>{"cov", "", "xx, yy [m^2], aa [rad^2], xy, ya, xa"},
-                 Field<&Hypothesis::weight>{"alpha", "", "in [0, 1]"}};
+      Fields{Field<&Hypothesis::mean>{"mean"},
+             Field<&Hypothesis::covariance>{"cov", "", "xx, yy [m^2], aa [rad^2], xy, ya, xa"},
+             Field<&Hypothesis::weight>{"alpha", "", "in [0, 1]"}};
   friend bool operator==(const Hypothesis&, const Hypothesis&) = default;
 };
 
@@ -27,9 +27,9 @@ struct State {
 
   static constexpr Message message{code, Kind::data, 1, "HYPOTHS"};
   static constexpr auto fields =
-      std::tuple{Field<&State::pending_count>{"pending_count", "", "observations that wait"},
-                 Field<&State::pending_time_s>{"pending_time", "s", "since the epoch, of the last one processed"},
-                 Field<&State::hypotheses>{"hypoths"}};
+      Fields{Field<&State::pending_count>{"pending_count", "", "observations that wait"},
+             Field<&State::pending_time_s>{"pending_time", "s", "since the epoch, of the last one processed"},
+             Field<&State::hypotheses>{"hypoths"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -40,8 +40,8 @@ struct SetPose {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 1, "SET_POSE"};
-  static constexpr auto fields = std::tuple{
-      Field<&SetPose::mean>{"mean"}, Field<&SetPose::covariance>{"cov", "", "xx, yy [m^2], aa [rad^2], xy, ya, xa"}};
+  static constexpr auto fields = Fields{Field<&SetPose::mean>{"mean"},
+                                        Field<&SetPose::covariance>{"cov", "", "xx, yy [m^2], aa [rad^2], xy, ya, xa"}};
   friend bool operator==(const SetPose&, const SetPose&) = default;
 };
 
@@ -49,7 +49,7 @@ struct Particle {
   Pose2d pose{};
   double weight = 0;
 
-  static constexpr auto fields = std::tuple{Field<&Particle::pose>{"pose"}, Field<&Particle::weight>{"alpha"}};
+  static constexpr auto fields = Fields{Field<&Particle::pose>{"pose"}, Field<&Particle::weight>{"alpha"}};
   friend bool operator==(const Particle&, const Particle&) = default;
 };
 
@@ -60,9 +60,8 @@ struct GetParticles {
 
   using Reply = GetParticles;
   static constexpr Message message{code, Kind::request, 2, "GET_PARTICLES"};
-  static constexpr auto fields =
-      std::tuple{Field<&GetParticles::mean>{"mean"}, Field<&GetParticles::variance>{"variance"},
-                 Field<&GetParticles::particles>{"particles"}};
+  static constexpr auto fields = Fields{Field<&GetParticles::mean>{"mean"}, Field<&GetParticles::variance>{"variance"},
+                                        Field<&GetParticles::particles>{"particles"}};
   friend bool operator==(const GetParticles&, const GetParticles&) = default;
 };
 

@@ -30,7 +30,7 @@ inline constexpr std::uint16_t any_interface = 0;
 
 /// No fields: the reply of a request that only succeeds or fails.
 struct Empty {
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const Empty&, const Empty&) = default;
 };
 

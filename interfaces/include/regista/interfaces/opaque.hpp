@@ -12,7 +12,7 @@ struct State {
   std::vector<std::uint8_t> bytes{};
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{Field<&State::bytes>{"data"}};
+  static constexpr auto fields = Fields{Field<&State::bytes>{"data"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -20,7 +20,7 @@ struct Command {
   std::vector<std::uint8_t> bytes{};
 
   static constexpr Message message{code, Kind::command, 1, "DATA", Flow::edge, "opaque"};
-  static constexpr auto fields = std::tuple{Field<&Command::bytes>{"data"}};
+  static constexpr auto fields = Fields{Field<&Command::bytes>{"data"}};
   friend bool operator==(const Command&, const Command&) = default;
 };
 
@@ -29,7 +29,7 @@ struct Request {
 
   using Reply = Request;
   static constexpr Message message{code, Kind::request, 1, "DATA"};
-  static constexpr auto fields = std::tuple{Field<&Request::bytes>{"data"}};
+  static constexpr auto fields = Fields{Field<&Request::bytes>{"data"}};
   friend bool operator==(const Request&, const Request&) = default;
 };
 

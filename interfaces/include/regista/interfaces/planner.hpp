@@ -18,13 +18,13 @@ struct State {
   std::uint32_t waypoint_count = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{Field<&State::valid>{"valid", "", "1: there is a plan"},
-                                            Field<&State::done>{"done", "", "1: the goal is reached"},
-                                            Field<&State::pose>{"pos", "", "where the robot is"},
-                                            Field<&State::goal>{"goal"},
-                                            Field<&State::waypoint>{"waypoint", "", "the one being driven to"},
-                                            Field<&State::waypoint_index>{"waypoint_idx", "", "-1: none, or done"},
-                                            Field<&State::waypoint_count>{"waypoints_count"}};
+  static constexpr auto fields = Fields{Field<&State::valid>{"valid", "", "1: there is a plan"},
+                                        Field<&State::done>{"done", "", "1: the goal is reached"},
+                                        Field<&State::pose>{"pos", "", "where the robot is"},
+                                        Field<&State::goal>{"goal"},
+                                        Field<&State::waypoint>{"waypoint", "", "the one being driven to"},
+                                        Field<&State::waypoint_index>{"waypoint_idx", "", "-1: none, or done"},
+                                        Field<&State::waypoint_count>{"waypoints_count"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -32,7 +32,7 @@ struct GoalCommand {
   Pose2d goal{};
 
   static constexpr Message message{code, Kind::command, 1, "GOAL", Flow::set_point, "mission"};
-  static constexpr auto fields = std::tuple{Field<&GoalCommand::goal>{"goal"}};
+  static constexpr auto fields = Fields{Field<&GoalCommand::goal>{"goal"}};
   friend bool operator==(const GoalCommand&, const GoalCommand&) = default;
 };
 
@@ -41,7 +41,7 @@ struct StartCommand {
   Pose2d start{};
 
   static constexpr Message message{code, Kind::command, 2, "START", Flow::set_point, "mission"};
-  static constexpr auto fields = std::tuple{Field<&StartCommand::start>{"goal"}};
+  static constexpr auto fields = Fields{Field<&StartCommand::start>{"goal"}};
   friend bool operator==(const StartCommand&, const StartCommand&) = default;
 };
 
@@ -49,15 +49,15 @@ struct Waypoints {
   double length_m = 0;
   std::vector<Pose2d> waypoints{};
 
-  static constexpr auto fields = std::tuple{Field<&Waypoints::length_m>{"waypoints_distance", "m", "of the path"},
-                                            Field<&Waypoints::waypoints>{"waypoints"}};
+  static constexpr auto fields = Fields{Field<&Waypoints::length_m>{"waypoints_distance", "m", "of the path"},
+                                        Field<&Waypoints::waypoints>{"waypoints"}};
   friend bool operator==(const Waypoints&, const Waypoints&) = default;
 };
 
 struct GetWaypoints {
   using Reply = Waypoints;
   static constexpr Message message{code, Kind::request, 1, "GET_WAYPOINTS"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetWaypoints&, const GetWaypoints&) = default;
 };
 
@@ -66,7 +66,7 @@ struct Enable {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 2, "ENABLE"};
-  static constexpr auto fields = std::tuple{Field<&Enable::on>{"state", "", "1: drive, 0: pause"}};
+  static constexpr auto fields = Fields{Field<&Enable::on>{"state", "", "1: drive, 0: pause"}};
   friend bool operator==(const Enable&, const Enable&) = default;
 };
 
@@ -83,10 +83,10 @@ struct Action {
   std::uint8_t on = 0;
 
   static constexpr auto fields =
-      std::tuple{Field<&Action::point>{"point", "", "from 0"},
-                 Field<&Action::act>{"act", "", "0 wait, 1 set a relay, 2 ask: go on when somebody answers by GO_ON"},
-                 Field<&Action::duration_s>{"duration", "s", "of a wait"},
-                 Field<&Action::output>{"output", "", "of the relay"}, Field<&Action::on>{"on", "", "1: relay on"}};
+      Fields{Field<&Action::point>{"point", "", "from 0"},
+             Field<&Action::act>{"act", "", "0 wait, 1 set a relay, 2 ask: go on when somebody answers by GO_ON"},
+             Field<&Action::duration_s>{"duration", "s", "of a wait"},
+             Field<&Action::output>{"output", "", "of the relay"}, Field<&Action::on>{"on", "", "1: relay on"}};
   friend bool operator==(const Action&, const Action&) = default;
 };
 
@@ -98,9 +98,9 @@ struct SetMission {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 100, "SET_MISSION"};
-  static constexpr auto fields = std::tuple{Field<&SetMission::id>{"id", "", "a name and a version, say"},
-                                            Field<&SetMission::points>{"points", "", "10 000 at most"},
-                                            Field<&SetMission::actions>{"actions", "", "100 000 at most"}};
+  static constexpr auto fields = Fields{Field<&SetMission::id>{"id", "", "a name and a version, say"},
+                                        Field<&SetMission::points>{"points", "", "10 000 at most"},
+                                        Field<&SetMission::actions>{"actions", "", "100 000 at most"}};
   friend bool operator==(const SetMission&, const SetMission&) = default;
 };
 
@@ -109,7 +109,7 @@ struct RunCommand {
   Text id{};
 
   static constexpr Message message{code, Kind::command, 100, "RUN", Flow::set_point, "mission"};
-  static constexpr auto fields = std::tuple{Field<&RunCommand::id>{"id", "", "of the mission that is meant"}};
+  static constexpr auto fields = Fields{Field<&RunCommand::id>{"id", "", "of the mission that is meant"}};
   friend bool operator==(const RunCommand&, const RunCommand&) = default;
 };
 
@@ -135,21 +135,21 @@ struct Mission {
   Text reason{};
 
   static constexpr auto fields =
-      std::tuple{Field<&Mission::id>{"id"},
-                 Field<&Mission::state>{
-                     "state", "", "0 none, 1 uploaded, 2 driving, 3 at work, 4 asks, 5 paused, 6 failed, 7 finished"},
-                 Field<&Mission::point>{"point", "", "from 0; their count when finished"},
-                 Field<&Mission::count>{"count", "", "of points"},
-                 Field<&Mission::action>{"action", "", "from 0, of this point"},
-                 Field<&Mission::distance_m>{"distance", "m", "still to go to this point, as the crow flies"},
-                 Field<&Mission::reason>{"reason", "", "why it is paused or failed, or what it asks"}};
+      Fields{Field<&Mission::id>{"id"},
+             Field<&Mission::state>{"state", "",
+                                    "0 none, 1 uploaded, 2 driving, 3 at work, 4 asks, 5 paused, 6 failed, 7 finished"},
+             Field<&Mission::point>{"point", "", "from 0; their count when finished"},
+             Field<&Mission::count>{"count", "", "of points"},
+             Field<&Mission::action>{"action", "", "from 0, of this point"},
+             Field<&Mission::distance_m>{"distance", "m", "still to go to this point, as the crow flies"},
+             Field<&Mission::reason>{"reason", "", "why it is paused or failed, or what it asks"}};
   friend bool operator==(const Mission&, const Mission&) = default;
 };
 
 struct GetMission {
   using Reply = Mission;
   static constexpr Message message{code, Kind::request, 101, "GET_MISSION"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetMission&, const GetMission&) = default;
 };
 
@@ -160,7 +160,7 @@ struct GoOn {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 102, "GO_ON"};
-  static constexpr auto fields = std::tuple{Field<&GoOn::point>{"point"}, Field<&GoOn::action>{"action"}};
+  static constexpr auto fields = Fields{Field<&GoOn::point>{"point"}, Field<&GoOn::action>{"action"}};
   friend bool operator==(const GoOn&, const GoOn&) = default;
 };
 

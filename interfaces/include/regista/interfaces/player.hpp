@@ -16,23 +16,23 @@ struct DeviceAddress {
   std::uint16_t index = 0;
 
   static constexpr auto fields =
-      std::tuple{Field<&DeviceAddress::host>{"host", "", "IPv4 address of the server, bytes reversed; clients send 0"},
-                 Field<&DeviceAddress::robot>{"robot", "", "TCP port of the device; clients may send 0"},
-                 Field<&DeviceAddress::interface>{"interf"}, Field<&DeviceAddress::index>{"index"}};
+      Fields{Field<&DeviceAddress::host>{"host", "", "IPv4 address of the server, bytes reversed; clients send 0"},
+             Field<&DeviceAddress::robot>{"robot", "", "TCP port of the device; clients may send 0"},
+             Field<&DeviceAddress::interface>{"interf"}, Field<&DeviceAddress::index>{"index"}};
   friend bool operator==(const DeviceAddress&, const DeviceAddress&) = default;
 };
 
 struct DeviceList {
   std::vector<DeviceAddress> devices{};
 
-  static constexpr auto fields = std::tuple{Field<&DeviceList::devices>{"devices", "", "of the port asked", 4096}};
+  static constexpr auto fields = Fields{Field<&DeviceList::devices>{"devices", "", "of the port asked", 4096}};
   friend bool operator==(const DeviceList&, const DeviceList&) = default;
 };
 
 struct GetDeviceList {
   using Reply = DeviceList;
   static constexpr Message message{code, Kind::request, 1, "DEVLIST"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetDeviceList&, const GetDeviceList&) = default;
 };
 
@@ -42,8 +42,8 @@ struct GetDriverInfo {
 
   using Reply = GetDriverInfo;
   static constexpr Message message{code, Kind::request, 2, "DRIVERINFO"};
-  static constexpr auto fields = std::tuple{Field<&GetDriverInfo::address>{"addr"},
-                                            Field<&GetDriverInfo::driver>{"driver_name", "", "of the answer", 64}};
+  static constexpr auto fields = Fields{Field<&GetDriverInfo::address>{"addr"},
+                                        Field<&GetDriverInfo::driver>{"driver_name", "", "of the answer", 64}};
   friend bool operator==(const GetDriverInfo&, const GetDriverInfo&) = default;
 };
 
@@ -58,9 +58,9 @@ struct Subscribe {
   using Reply = Subscribe;
   static constexpr Message message{code, Kind::request, 3, "DEV"};
   static constexpr auto fields =
-      std::tuple{Field<&Subscribe::address>{"addr"},
-                 Field<&Subscribe::access>{"access", "", "1 open, 2 close, 3 error (of the answer)"},
-                 Field<&Subscribe::driver>{"driver_name", "", "of the answer", 64}};
+      Fields{Field<&Subscribe::address>{"addr"},
+             Field<&Subscribe::access>{"access", "", "1 open, 2 close, 3 error (of the answer)"},
+             Field<&Subscribe::driver>{"driver_name", "", "of the answer", 64}};
   friend bool operator==(const Subscribe&, const Subscribe&) = default;
 };
 
@@ -68,7 +68,7 @@ struct Subscribe {
 struct GetData {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 4, "DATA"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetData&, const GetData&) = default;
 };
 
@@ -79,7 +79,7 @@ struct SetDataMode {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 5, "DATAMODE"};
-  static constexpr auto fields = std::tuple{Field<&SetDataMode::mode>{"mode", "", "1 push, 2 pull"}};
+  static constexpr auto fields = Fields{Field<&SetDataMode::mode>{"mode", "", "1 push, 2 pull"}};
   friend bool operator==(const SetDataMode&, const SetDataMode&) = default;
 };
 
@@ -89,7 +89,7 @@ struct Authenticate {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 7, "AUTH"};
-  static constexpr auto fields = std::tuple{Field<&Authenticate::key>{"auth_key", "", "", 32}};
+  static constexpr auto fields = Fields{Field<&Authenticate::key>{"auth_key", "", "", 32}};
   friend bool operator==(const Authenticate&, const Authenticate&) = default;
 };
 
@@ -101,7 +101,7 @@ struct FindName {
   using Reply = FindName;
   static constexpr Message message{code, Kind::request, 8, "NAMESERVICE"};
   static constexpr auto fields =
-      std::tuple{Field<&FindName::robot_name>{"name", "", "", 64}, Field<&FindName::port>{"port"}};
+      Fields{Field<&FindName::robot_name>{"name", "", "", 64}, Field<&FindName::port>{"port"}};
   friend bool operator==(const FindName&, const FindName&) = default;
 };
 
@@ -115,7 +115,7 @@ struct AddReplaceRule {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 10, "ADD_REPLACE_RULE"};
-  static constexpr auto fields = std::tuple{
+  static constexpr auto fields = Fields{
       Field<&AddReplaceRule::interface>{"interf", "", "-1: any"}, Field<&AddReplaceRule::index>{"index", "", "-1: any"},
       Field<&AddReplaceRule::kind>{"type", "", "-1: any"}, Field<&AddReplaceRule::subtype>{"subtype", "", "-1: any"},
       Field<&AddReplaceRule::replace>{"replace", "", "0 queue all, 1 the newest replaces, 2 drop"}};
@@ -125,7 +125,7 @@ struct AddReplaceRule {
 /// In PULL mode: that was all that was queued.
 struct SynchOk {
   static constexpr Message message{code, Kind::synch, 1, "OK"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const SynchOk&, const SynchOk&) = default;
 };
 
@@ -134,8 +134,7 @@ struct SynchOverflow {
   std::uint32_t dropped = 0;
 
   static constexpr Message message{code, Kind::synch, 2, "OVERFLOW"};
-  static constexpr auto fields =
-      std::tuple{Field<&SynchOverflow::dropped>{"value", "", "messages since the last SYNCH"}};
+  static constexpr auto fields = Fields{Field<&SynchOverflow::dropped>{"value", "", "messages since the last SYNCH"}};
   friend bool operator==(const SynchOverflow&, const SynchOverflow&) = default;
 };
 
@@ -147,15 +146,15 @@ struct Extension {
   std::uint32_t version = 1;
   Text server{};
 
-  static constexpr auto fields = std::tuple{Field<&Extension::version>{"version", "", "of the extension"},
-                                            Field<&Extension::server>{"server", "", "name and version"}};
+  static constexpr auto fields = Fields{Field<&Extension::version>{"version", "", "of the extension"},
+                                        Field<&Extension::server>{"server", "", "name and version"}};
   friend bool operator==(const Extension&, const Extension&) = default;
 };
 
 struct Extend {
   using Reply = Extension;
   static constexpr Message message{code, Kind::request, 100, "EXTEND"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const Extend&, const Extend&) = default;
 };
 
@@ -167,8 +166,8 @@ struct Identify {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 101, "IDENTIFY"};
   static constexpr auto fields =
-      std::tuple{Field<&Identify::name>{"name", "", "such as teleop@host", 64},
-                 Field<&Identify::priority>{"priority", "", "10: programs, 20: people; stock clients have 10"}};
+      Fields{Field<&Identify::name>{"name", "", "such as teleop@host", 64},
+             Field<&Identify::priority>{"priority", "", "10: programs, 20: people; stock clients have 10"}};
   friend bool operator==(const Identify&, const Identify&) = default;
 };
 
@@ -180,8 +179,8 @@ struct Take {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 102, "TAKE"};
-  static constexpr auto fields = std::tuple{Field<&Take::address>{"addr"}, Field<&Take::group>{"group", "", "", 32},
-                                            Field<&Take::blend>{"blend", "", "1: need not come to rest first"}};
+  static constexpr auto fields = Fields{Field<&Take::address>{"addr"}, Field<&Take::group>{"group", "", "", 32},
+                                        Field<&Take::blend>{"blend", "", "1: need not come to rest first"}};
   friend bool operator==(const Take&, const Take&) = default;
 };
 
@@ -192,8 +191,7 @@ struct Release {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 103, "RELEASE"};
-  static constexpr auto fields =
-      std::tuple{Field<&Release::address>{"addr"}, Field<&Release::group>{"group", "", "", 32}};
+  static constexpr auto fields = Fields{Field<&Release::address>{"addr"}, Field<&Release::group>{"group", "", "", 32}};
   friend bool operator==(const Release&, const Release&) = default;
 };
 
@@ -203,7 +201,7 @@ struct Stop {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 104, "STOP"};
-  static constexpr auto fields = std::tuple{Field<&Stop::address>{"addr", "", "interface 0: every device"}};
+  static constexpr auto fields = Fields{Field<&Stop::address>{"addr", "", "interface 0: every device"}};
   friend bool operator==(const Stop&, const Stop&) = default;
 };
 
@@ -220,14 +218,13 @@ struct Motion {
   Text reason{};
 
   static constexpr Message message{code, Kind::data, 101, "MOTION"};
-  static constexpr auto fields =
-      std::tuple{Field<&Motion::address>{"addr"},
-                 Field<&Motion::group>{"group", "", "", 32},
-                 Field<&Motion::state>{"state", "", "0 stopped, 1 driving, 2 stopping, 3 fault"},
-                 Field<&Motion::owner>{"owner", "", "empty: nobody", 64},
-                 Field<&Motion::priority>{"priority", "", "of the owner"},
-                 Field<&Motion::lease_s>{"lease", "s", "silence for so long stops the group"},
-                 Field<&Motion::reason>{"reason", "", "why it stands", 1024}};
+  static constexpr auto fields = Fields{Field<&Motion::address>{"addr"},
+                                        Field<&Motion::group>{"group", "", "", 32},
+                                        Field<&Motion::state>{"state", "", "0 stopped, 1 driving, 2 stopping, 3 fault"},
+                                        Field<&Motion::owner>{"owner", "", "empty: nobody", 64},
+                                        Field<&Motion::priority>{"priority", "", "of the owner"},
+                                        Field<&Motion::lease_s>{"lease", "s", "silence for so long stops the group"},
+                                        Field<&Motion::reason>{"reason", "", "why it stands", 1024}};
   friend bool operator==(const Motion&, const Motion&) = default;
 };
 
@@ -238,7 +235,7 @@ struct GetMotion {
   using Reply = Motion;
   static constexpr Message message{code, Kind::request, 105, "GET_MOTION"};
   static constexpr auto fields =
-      std::tuple{Field<&GetMotion::address>{"addr"}, Field<&GetMotion::group>{"group", "", "", 32}};
+      Fields{Field<&GetMotion::address>{"addr"}, Field<&GetMotion::group>{"group", "", "", 32}};
   friend bool operator==(const GetMotion&, const GetMotion&) = default;
 };
 
@@ -246,14 +243,14 @@ struct GetMotion {
 struct Status {
   Text json{};
 
-  static constexpr auto fields = std::tuple{Field<&Status::json>{"json"}};
+  static constexpr auto fields = Fields{Field<&Status::json>{"json"}};
   friend bool operator==(const Status&, const Status&) = default;
 };
 
 struct GetStatus {
   using Reply = Status;
   static constexpr Message message{code, Kind::request, 106, "GET_STATUS"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetStatus&, const GetStatus&) = default;
 };
 
@@ -262,7 +259,7 @@ struct KeepAlive {
   DeviceAddress address{};
 
   static constexpr Message message{code, Kind::command, 100, "KEEP_ALIVE", Flow::set_point, "keep-alive"};
-  static constexpr auto fields = std::tuple{Field<&KeepAlive::address>{"addr"}};
+  static constexpr auto fields = Fields{Field<&KeepAlive::address>{"addr"}};
   friend bool operator==(const KeepAlive&, const KeepAlive&) = default;
 };
 
@@ -273,9 +270,9 @@ struct Event {
   Text text{};
 
   static constexpr Message message{code, Kind::data, 100, "EVENT"};
-  static constexpr auto fields = std::tuple{Field<&Event::address>{"addr", "", "interface 0: the server"},
-                                            Field<&Event::severity>{"severity", "", "0 info, 1 warning, 2 error"},
-                                            Field<&Event::text>{"text", "", "", 1024}};
+  static constexpr auto fields = Fields{Field<&Event::address>{"addr", "", "interface 0: the server"},
+                                        Field<&Event::severity>{"severity", "", "0 info, 1 warning, 2 error"},
+                                        Field<&Event::text>{"text", "", "", 1024}};
   friend bool operator==(const Event&, const Event&) = default;
 };
 
@@ -287,9 +284,9 @@ struct Reason {
   std::int32_t error = 0;
   Text text{};
 
-  static constexpr auto fields = std::tuple{Field<&Reason::tag>{"tag", "", "0x72656173"},
-                                            Field<&Reason::error>{"errno", "", "POSIX error number, Linux values"},
-                                            Field<&Reason::text>{"text", "", "", 1024}};
+  static constexpr auto fields = Fields{Field<&Reason::tag>{"tag", "", "0x72656173"},
+                                        Field<&Reason::error>{"errno", "", "POSIX error number, Linux values"},
+                                        Field<&Reason::text>{"text", "", "", 1024}};
   friend bool operator==(const Reason&, const Reason&) = default;
 };
 

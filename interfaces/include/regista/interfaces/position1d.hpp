@@ -15,7 +15,7 @@ struct State {
   std::uint8_t status = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{
+  static constexpr auto fields = Fields{
       Field<&State::position>{"pos", "m or rad"}, Field<&State::velocity>{"vel", "m/s or rad/s"},
       Field<&State::stalled>{"stall", "", "1: the motor runs but the axis does not move"},
       Field<&State::status>{
@@ -30,8 +30,8 @@ struct Geometry {
   Size3d size{};
 
   static constexpr Message message{code, Kind::data, 2, "GEOM"};
-  static constexpr auto fields = std::tuple{Field<&Geometry::pose>{"pose", "", "of the device in the robot's frame"},
-                                            Field<&Geometry::size>{"size"}};
+  static constexpr auto fields =
+      Fields{Field<&Geometry::pose>{"pose", "", "of the device in the robot's frame"}, Field<&Geometry::size>{"size"}};
   friend bool operator==(const Geometry&, const Geometry&) = default;
 };
 
@@ -40,8 +40,8 @@ struct VelocityCommand {
   std::uint8_t motor_on = 1;
 
   static constexpr Message message{code, Kind::command, 1, "VEL"};
-  static constexpr auto fields = std::tuple{Field<&VelocityCommand::velocity>{"vel", "m/s or rad/s"},
-                                            Field<&VelocityCommand::motor_on>{"state", "", "1: motor on"}};
+  static constexpr auto fields = Fields{Field<&VelocityCommand::velocity>{"vel", "m/s or rad/s"},
+                                        Field<&VelocityCommand::motor_on>{"state", "", "1: motor on"}};
   friend bool operator==(const VelocityCommand&, const VelocityCommand&) = default;
 };
 
@@ -53,16 +53,16 @@ struct PositionCommand {
 
   static constexpr Message message{code, Kind::command, 2, "POS"};
   static constexpr auto fields =
-      std::tuple{Field<&PositionCommand::position>{"pos", "m or rad"},
-                 Field<&PositionCommand::velocity>{"vel", "m/s or rad/s", "limit; 0: the device's own"},
-                 Field<&PositionCommand::motor_on>{"state", "", "1: motor on"}};
+      Fields{Field<&PositionCommand::position>{"pos", "m or rad"},
+             Field<&PositionCommand::velocity>{"vel", "m/s or rad/s", "limit; 0: the device's own"},
+             Field<&PositionCommand::motor_on>{"state", "", "1: motor on"}};
   friend bool operator==(const PositionCommand&, const PositionCommand&) = default;
 };
 
 struct GetGeometry {
   using Reply = Geometry;
   static constexpr Message message{code, Kind::request, 1, "GET_GEOM"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetGeometry&, const GetGeometry&) = default;
 };
 
@@ -71,7 +71,7 @@ struct SetMotorPower {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 2, "MOTOR_POWER"};
-  static constexpr auto fields = std::tuple{Field<&SetMotorPower::on>{"state", "", "1: on"}};
+  static constexpr auto fields = Fields{Field<&SetMotorPower::on>{"state", "", "1: on"}};
   friend bool operator==(const SetMotorPower&, const SetMotorPower&) = default;
 };
 
@@ -80,7 +80,7 @@ struct SetVelocityMode {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 3, "VELOCITY_MODE"};
-  static constexpr auto fields = std::tuple{Field<&SetVelocityMode::value>{"value", "", "driver specific"}};
+  static constexpr auto fields = Fields{Field<&SetVelocityMode::value>{"value", "", "driver specific"}};
   friend bool operator==(const SetVelocityMode&, const SetVelocityMode&) = default;
 };
 
@@ -90,7 +90,7 @@ struct SetPositionMode {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 4, "POSITION_MODE"};
   static constexpr auto fields =
-      std::tuple{Field<&SetPositionMode::position>{"state", "", "0: velocity control, 1: position control"}};
+      Fields{Field<&SetPositionMode::position>{"state", "", "0: velocity control, 1: position control"}};
   friend bool operator==(const SetPositionMode&, const SetPositionMode&) = default;
 };
 
@@ -100,7 +100,7 @@ struct SetOdometry {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 5, "SET_ODOM"};
-  static constexpr auto fields = std::tuple{Field<&SetOdometry::position>{"pos", "m or rad"}};
+  static constexpr auto fields = Fields{Field<&SetOdometry::position>{"pos", "m or rad"}};
   friend bool operator==(const SetOdometry&, const SetOdometry&) = default;
 };
 
@@ -109,7 +109,7 @@ struct ResetOdometry {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 6, "RESET_ODOM"};
-  static constexpr auto fields = std::tuple{Field<&ResetOdometry::value>{"value", "", "reserved by Player"}};
+  static constexpr auto fields = Fields{Field<&ResetOdometry::value>{"value", "", "reserved by Player"}};
   friend bool operator==(const ResetOdometry&, const ResetOdometry&) = default;
 };
 
@@ -121,7 +121,7 @@ struct SetSpeedPid {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 7, "SPEED_PID"};
   static constexpr auto fields =
-      std::tuple{Field<&SetSpeedPid::kp>{"kp"}, Field<&SetSpeedPid::ki>{"ki"}, Field<&SetSpeedPid::kd>{"kd"}};
+      Fields{Field<&SetSpeedPid::kp>{"kp"}, Field<&SetSpeedPid::ki>{"ki"}, Field<&SetSpeedPid::kd>{"kd"}};
   friend bool operator==(const SetSpeedPid&, const SetSpeedPid&) = default;
 };
 
@@ -133,7 +133,7 @@ struct SetPositionPid {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 8, "POSITION_PID"};
   static constexpr auto fields =
-      std::tuple{Field<&SetPositionPid::kp>{"kp"}, Field<&SetPositionPid::ki>{"ki"}, Field<&SetPositionPid::kd>{"kd"}};
+      Fields{Field<&SetPositionPid::kp>{"kp"}, Field<&SetPositionPid::ki>{"ki"}, Field<&SetPositionPid::kd>{"kd"}};
   friend bool operator==(const SetPositionPid&, const SetPositionPid&) = default;
 };
 
@@ -143,9 +143,8 @@ struct SetSpeedProfile {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 9, "SPEED_PROF"};
-  static constexpr auto fields =
-      std::tuple{Field<&SetSpeedProfile::speed>{"speed", "m/s or rad/s", "largest"},
-                 Field<&SetSpeedProfile::acceleration>{"acc", "m/s^2 or rad/s^2", "largest"}};
+  static constexpr auto fields = Fields{Field<&SetSpeedProfile::speed>{"speed", "m/s or rad/s", "largest"},
+                                        Field<&SetSpeedProfile::acceleration>{"acc", "m/s^2 or rad/s^2", "largest"}};
   friend bool operator==(const SetSpeedProfile&, const SetSpeedProfile&) = default;
 };
 

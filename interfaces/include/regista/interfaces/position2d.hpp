@@ -15,9 +15,9 @@ struct State {
   std::uint8_t stalled = 0;
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
-  static constexpr auto fields = std::tuple{
-      Field<&State::pose>{"pos", "", "in the odometry frame"}, Field<&State::velocity>{"vel", "", "of the body"},
-      Field<&State::stalled>{"stall", "", "1: the motors run but the base does not move"}};
+  static constexpr auto fields =
+      Fields{Field<&State::pose>{"pos", "", "in the odometry frame"}, Field<&State::velocity>{"vel", "", "of the body"},
+             Field<&State::stalled>{"stall", "", "1: the motors run but the base does not move"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -27,8 +27,8 @@ struct Geometry {
   Size3d size{};
 
   static constexpr Message message{code, Kind::data, 2, "GEOM"};
-  static constexpr auto fields = std::tuple{Field<&Geometry::pose>{"pose", "", "of the device in the robot's frame"},
-                                            Field<&Geometry::size>{"size"}};
+  static constexpr auto fields =
+      Fields{Field<&Geometry::pose>{"pose", "", "of the device in the robot's frame"}, Field<&Geometry::size>{"size"}};
   friend bool operator==(const Geometry&, const Geometry&) = default;
 };
 
@@ -39,9 +39,9 @@ struct VelocityCommand {
   std::optional<double> age_s{};
 
   static constexpr Message message{code, Kind::command, 1, "VEL"};
-  static constexpr auto fields = std::tuple{
-      Field<&VelocityCommand::velocity>{"vel"}, Field<&VelocityCommand::motors_on>{"state", "", "1: motors on"},
-      Field<&VelocityCommand::age_s>{"age", "s", "since the measurement was taken"}};
+  static constexpr auto fields =
+      Fields{Field<&VelocityCommand::velocity>{"vel"}, Field<&VelocityCommand::motors_on>{"state", "", "1: motors on"},
+             Field<&VelocityCommand::age_s>{"age", "s", "since the measurement was taken"}};
   friend bool operator==(const VelocityCommand&, const VelocityCommand&) = default;
 };
 
@@ -52,9 +52,9 @@ struct PositionCommand {
   std::uint8_t motors_on = 1;
 
   static constexpr Message message{code, Kind::command, 2, "POS"};
-  static constexpr auto fields = std::tuple{Field<&PositionCommand::pose>{"pos", "", "in the odometry frame"},
-                                            Field<&PositionCommand::velocity>{"vel", "", "limits; 0: the device's own"},
-                                            Field<&PositionCommand::motors_on>{"state", "", "1: motors on"}};
+  static constexpr auto fields = Fields{Field<&PositionCommand::pose>{"pos", "", "in the odometry frame"},
+                                        Field<&PositionCommand::velocity>{"vel", "", "limits; 0: the device's own"},
+                                        Field<&PositionCommand::motors_on>{"state", "", "1: motors on"}};
   friend bool operator==(const PositionCommand&, const PositionCommand&) = default;
 };
 
@@ -64,8 +64,8 @@ struct CarCommand {
   double steering_rad = 0;
 
   static constexpr Message message{code, Kind::command, 3, "CAR"};
-  static constexpr auto fields = std::tuple{Field<&CarCommand::speed_mps>{"velocity", "m/s", "ahead"},
-                                            Field<&CarCommand::steering_rad>{"angle", "rad", "counter-clockwise"}};
+  static constexpr auto fields = Fields{Field<&CarCommand::speed_mps>{"velocity", "m/s", "ahead"},
+                                        Field<&CarCommand::steering_rad>{"angle", "rad", "counter-clockwise"}};
   friend bool operator==(const CarCommand&, const CarCommand&) = default;
 };
 
@@ -76,15 +76,15 @@ struct VelocityHeadingCommand {
 
   static constexpr Message message{code, Kind::command, 4, "VEL_HEAD"};
   static constexpr auto fields =
-      std::tuple{Field<&VelocityHeadingCommand::speed_mps>{"velocity", "m/s", "ahead"},
-                 Field<&VelocityHeadingCommand::heading_rad>{"angle", "rad", "in the odometry frame"}};
+      Fields{Field<&VelocityHeadingCommand::speed_mps>{"velocity", "m/s", "ahead"},
+             Field<&VelocityHeadingCommand::heading_rad>{"angle", "rad", "in the odometry frame"}};
   friend bool operator==(const VelocityHeadingCommand&, const VelocityHeadingCommand&) = default;
 };
 
 struct GetGeometry {
   using Reply = Geometry;
   static constexpr Message message{code, Kind::request, 1, "GET_GEOM"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const GetGeometry&, const GetGeometry&) = default;
 };
 
@@ -93,7 +93,7 @@ struct SetMotorPower {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 2, "MOTOR_POWER"};
-  static constexpr auto fields = std::tuple{Field<&SetMotorPower::on>{"state", "", "1: on"}};
+  static constexpr auto fields = Fields{Field<&SetMotorPower::on>{"state", "", "1: on"}};
   friend bool operator==(const SetMotorPower&, const SetMotorPower&) = default;
 };
 
@@ -102,7 +102,7 @@ struct SetVelocityMode {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 3, "VELOCITY_MODE"};
-  static constexpr auto fields = std::tuple{Field<&SetVelocityMode::value>{"value", "", "driver specific"}};
+  static constexpr auto fields = Fields{Field<&SetVelocityMode::value>{"value", "", "driver specific"}};
   friend bool operator==(const SetVelocityMode&, const SetVelocityMode&) = default;
 };
 
@@ -112,7 +112,7 @@ struct SetPositionMode {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 4, "POSITION_MODE"};
   static constexpr auto fields =
-      std::tuple{Field<&SetPositionMode::position>{"state", "", "0: velocity control, 1: position control"}};
+      Fields{Field<&SetPositionMode::position>{"state", "", "0: velocity control, 1: position control"}};
   friend bool operator==(const SetPositionMode&, const SetPositionMode&) = default;
 };
 
@@ -122,7 +122,7 @@ struct SetOdometry {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 5, "SET_ODOM"};
-  static constexpr auto fields = std::tuple{Field<&SetOdometry::pose>{"pose", "", "in the odometry frame"}};
+  static constexpr auto fields = Fields{Field<&SetOdometry::pose>{"pose", "", "in the odometry frame"}};
   friend bool operator==(const SetOdometry&, const SetOdometry&) = default;
 };
 
@@ -130,7 +130,7 @@ struct SetOdometry {
 struct ResetOdometry {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 6, "RESET_ODOM"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const ResetOdometry&, const ResetOdometry&) = default;
 };
 
@@ -142,7 +142,7 @@ struct SetSpeedPid {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 7, "SPEED_PID"};
   static constexpr auto fields =
-      std::tuple{Field<&SetSpeedPid::kp>{"kp"}, Field<&SetSpeedPid::ki>{"ki"}, Field<&SetSpeedPid::kd>{"kd"}};
+      Fields{Field<&SetSpeedPid::kp>{"kp"}, Field<&SetSpeedPid::ki>{"ki"}, Field<&SetSpeedPid::kd>{"kd"}};
   friend bool operator==(const SetSpeedPid&, const SetSpeedPid&) = default;
 };
 
@@ -154,7 +154,7 @@ struct SetPositionPid {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 8, "POSITION_PID"};
   static constexpr auto fields =
-      std::tuple{Field<&SetPositionPid::kp>{"kp"}, Field<&SetPositionPid::ki>{"ki"}, Field<&SetPositionPid::kd>{"kd"}};
+      Fields{Field<&SetPositionPid::kp>{"kp"}, Field<&SetPositionPid::ki>{"ki"}, Field<&SetPositionPid::kd>{"kd"}};
   friend bool operator==(const SetPositionPid&, const SetPositionPid&) = default;
 };
 
@@ -164,8 +164,8 @@ struct SetSpeedProfile {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 9, "SPEED_PROF"};
-  static constexpr auto fields = std::tuple{Field<&SetSpeedProfile::speed_mps>{"speed", "m/s", "largest"},
-                                            Field<&SetSpeedProfile::acceleration_mps2>{"acc", "m/s^2", "largest"}};
+  static constexpr auto fields = Fields{Field<&SetSpeedProfile::speed_mps>{"speed", "m/s", "largest"},
+                                        Field<&SetSpeedProfile::acceleration_mps2>{"acc", "m/s^2", "largest"}};
   friend bool operator==(const SetSpeedProfile&, const SetSpeedProfile&) = default;
 };
 

@@ -21,12 +21,12 @@ struct State {
 
   static constexpr Message message{code, Kind::data, 1, "STATE"};
   static constexpr auto fields =
-      std::tuple{Field<&State::valid>{"valid", "", "bits: 1 volts, 2 watts, 4 joules, 8 percent, 16 charging"},
-                 Field<&State::voltage_v>{"volts", "V"},
-                 Field<&State::charge_percent>{"percent", "%"},
-                 Field<&State::energy_j>{"joules", "J", "left in the battery"},
-                 Field<&State::power_w>{"watts", "W", "drawn from the battery"},
-                 Field<&State::charging>{"charging", "", "1 being charged, -1 charging others, 0 neither"}};
+      Fields{Field<&State::valid>{"valid", "", "bits: 1 volts, 2 watts, 4 joules, 8 percent, 16 charging"},
+             Field<&State::voltage_v>{"volts", "V"},
+             Field<&State::charge_percent>{"percent", "%"},
+             Field<&State::energy_j>{"joules", "J", "left in the battery"},
+             Field<&State::power_w>{"watts", "W", "drawn from the battery"},
+             Field<&State::charging>{"charging", "", "1 being charged, -1 charging others, 0 neither"}};
   friend bool operator==(const State&, const State&) = default;
 };
 
@@ -37,8 +37,8 @@ struct SetChargingPolicy {
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 1, "SET_CHARGING_POLICY"};
   static constexpr auto fields =
-      std::tuple{Field<&SetChargingPolicy::enable_input>{"enable_input", "", "1: may be charged"},
-                 Field<&SetChargingPolicy::enable_output>{"enable_output", "", "1: may charge others"}};
+      Fields{Field<&SetChargingPolicy::enable_input>{"enable_input", "", "1: may be charged"},
+             Field<&SetChargingPolicy::enable_output>{"enable_output", "", "1: may charge others"}};
   friend bool operator==(const SetChargingPolicy&, const SetChargingPolicy&) = default;
 };
 

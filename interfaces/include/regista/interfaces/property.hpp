@@ -14,7 +14,7 @@ struct Get {
 
   using Reply = Get;
   static constexpr Message message{any_interface, Kind::request, subtype, "GET_PROPERTY"};
-  static constexpr auto fields = std::tuple{Field<&Get::key>{"key"}, Field<&Get::value>{"value"}};
+  static constexpr auto fields = Fields{Field<&Get::key>{"key"}, Field<&Get::value>{"value"}};
   friend bool operator==(const Get&, const Get&) = default;
 };
 
@@ -26,7 +26,7 @@ struct Set {
 
   using Reply = Empty;
   static constexpr Message message{any_interface, Kind::request, subtype, "SET_PROPERTY"};
-  static constexpr auto fields = std::tuple{Field<&Set::key>{"key"}, Field<&Set::value>{"value"}};
+  static constexpr auto fields = Fields{Field<&Set::key>{"key"}, Field<&Set::value>{"value"}};
   friend bool operator==(const Set&, const Set&) = default;
 };
 
@@ -46,8 +46,7 @@ struct HasCapability {
 
   using Reply = Empty;
   static constexpr Message message{any_interface, Kind::request, 255, "CAPABILITIES"};
-  static constexpr auto fields =
-      std::tuple{Field<&HasCapability::kind>{"type"}, Field<&HasCapability::subtype>{"subtype"}};
+  static constexpr auto fields = Fields{Field<&HasCapability::kind>{"type"}, Field<&HasCapability::subtype>{"subtype"}};
   friend bool operator==(const HasCapability&, const HasCapability&) = default;
 };
 

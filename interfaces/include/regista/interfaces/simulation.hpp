@@ -10,19 +10,19 @@ inline constexpr std::uint16_t code = 31;
 
 struct PauseCommand {
   static constexpr Message message{code, Kind::command, 1, "PAUSE", Flow::edge, "simulation"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const PauseCommand&, const PauseCommand&) = default;
 };
 
 struct ResetCommand {
   static constexpr Message message{code, Kind::command, 2, "RESET", Flow::edge, "simulation"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const ResetCommand&, const ResetCommand&) = default;
 };
 
 struct SaveCommand {
   static constexpr Message message{code, Kind::command, 3, "SAVE", Flow::edge, "simulation"};
-  static constexpr auto fields = std::tuple{};
+  static constexpr auto fields = Fields{};
   friend bool operator==(const SaveCommand&, const SaveCommand&) = default;
 };
 
@@ -33,7 +33,7 @@ struct GetPose2d {
   using Reply = GetPose2d;
   static constexpr Message message{code, Kind::request, 1, "GET_POSE2D"};
   static constexpr auto fields =
-      std::tuple{Field<&GetPose2d::object>{"name"}, Field<&GetPose2d::pose>{"pose", "", "of the answer"}};
+      Fields{Field<&GetPose2d::object>{"name"}, Field<&GetPose2d::pose>{"pose", "", "of the answer"}};
   friend bool operator==(const GetPose2d&, const GetPose2d&) = default;
 };
 
@@ -43,7 +43,7 @@ struct SetPose2d {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 2, "SET_POSE2D"};
-  static constexpr auto fields = std::tuple{Field<&SetPose2d::object>{"name"}, Field<&SetPose2d::pose>{"pose"}};
+  static constexpr auto fields = Fields{Field<&SetPose2d::object>{"name"}, Field<&SetPose2d::pose>{"pose"}};
   friend bool operator==(const SetPose2d&, const SetPose2d&) = default;
 };
 
@@ -55,8 +55,8 @@ struct GetPose3d {
   using Reply = GetPose3d;
   static constexpr Message message{code, Kind::request, 3, "GET_POSE3D"};
   static constexpr auto fields =
-      std::tuple{Field<&GetPose3d::object>{"name"}, Field<&GetPose3d::pose>{"pose", "", "of the answer"},
-                 Field<&GetPose3d::time_s>{"simtime", "s", "simulated, of the answer"}};
+      Fields{Field<&GetPose3d::object>{"name"}, Field<&GetPose3d::pose>{"pose", "", "of the answer"},
+             Field<&GetPose3d::time_s>{"simtime", "s", "simulated, of the answer"}};
   friend bool operator==(const GetPose3d&, const GetPose3d&) = default;
 };
 
@@ -67,8 +67,8 @@ struct SetPose3d {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 4, "SET_POSE3D"};
-  static constexpr auto fields = std::tuple{Field<&SetPose3d::object>{"name"}, Field<&SetPose3d::pose>{"pose"},
-                                            Field<&SetPose3d::time_s>{"simtime", "s"}};
+  static constexpr auto fields = Fields{Field<&SetPose3d::object>{"name"}, Field<&SetPose3d::pose>{"pose"},
+                                        Field<&SetPose3d::time_s>{"simtime", "s"}};
   friend bool operator==(const SetPose3d&, const SetPose3d&) = default;
 };
 
@@ -81,8 +81,8 @@ struct GetProperty {
   using Reply = GetProperty;
   static constexpr Message message{code, Kind::request, 5, "GET_PROPERTY"};
   static constexpr auto fields =
-      std::tuple{Field<&GetProperty::object>{"name"}, Field<&GetProperty::property>{"prop"},
-                 Field<&GetProperty::index>{"index"}, Field<&GetProperty::value>{"value", "", "of the answer"}};
+      Fields{Field<&GetProperty::object>{"name"}, Field<&GetProperty::property>{"prop"},
+             Field<&GetProperty::index>{"index"}, Field<&GetProperty::value>{"value", "", "of the answer"}};
   friend bool operator==(const GetProperty&, const GetProperty&) = default;
 };
 
@@ -94,8 +94,8 @@ struct SetProperty {
 
   using Reply = Empty;
   static constexpr Message message{code, Kind::request, 6, "SET_PROPERTY"};
-  static constexpr auto fields = std::tuple{Field<&SetProperty::object>{"name"}, Field<&SetProperty::property>{"prop"},
-                                            Field<&SetProperty::index>{"index"}, Field<&SetProperty::value>{"value"}};
+  static constexpr auto fields = Fields{Field<&SetProperty::object>{"name"}, Field<&SetProperty::property>{"prop"},
+                                        Field<&SetProperty::index>{"index"}, Field<&SetProperty::value>{"value"}};
   friend bool operator==(const SetProperty&, const SetProperty&) = default;
 };
 

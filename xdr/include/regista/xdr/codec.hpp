@@ -48,12 +48,10 @@ constexpr Extent extent_of() {
   } else if constexpr (is_optional<T>) {
     return {0, false};
   } else {
-    return std::apply(
-        [](const auto&... field) {
-          return Extent{(std::size_t{0} + ... + extent_of<typename std::remove_cvref_t<decltype(field)>::Value>().size),
-                        (true && ... && extent_of<typename std::remove_cvref_t<decltype(field)>::Value>().fixed)};
-        },
-        fields<T>);
+    return fields<T>.apply([](const auto&... field) {
+      return Extent{(std::size_t{0} + ... + extent_of<typename std::remove_cvref_t<decltype(field)>::Value>().size),
+                    (true && ... && extent_of<typename std::remove_cvref_t<decltype(field)>::Value>().fixed)};
+    });
   }
 }
 
@@ -173,8 +171,7 @@ class Reader {
       if (left() < extent_of<typename T::value_type>().size) return true;  // a stock peer, or bytes of no concern
       return get(value.emplace());
     } else {
-      return std::apply([&](const auto&... field) { return (get_field(field, value.*(field.member)) && ...); },
-                        fields<T>);
+      return fields<T>.apply([&](const auto&... field) { return (get_field(field, value.*(field.member)) && ...); });
     }
   }
 

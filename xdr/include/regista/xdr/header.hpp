@@ -15,12 +15,12 @@ struct Header {
   std::uint32_t size = 0;
 
   static constexpr auto fields =
-      std::tuple{Field<&Header::address>{"addr"},
-                 Field<&Header::kind>{"type", "", "1 DATA, 2 CMD, 3 REQ, 4 RESP_ACK, 5 SYNCH, 6 RESP_NACK"},
-                 Field<&Header::subtype>{"subtype"},
-                 Field<&Header::timestamp_s>{"timestamp", "s", "since the epoch"},
-                 Field<&Header::sequence>{"seq", "", "copied back in replies of the player interface, else 0"},
-                 Field<&Header::size>{"size", "bytes", "of the encoded body"}};
+      Fields{Field<&Header::address>{"addr"},
+             Field<&Header::kind>{"type", "", "1 DATA, 2 CMD, 3 REQ, 4 RESP_ACK, 5 SYNCH, 6 RESP_NACK"},
+             Field<&Header::subtype>{"subtype"},
+             Field<&Header::timestamp_s>{"timestamp", "s", "since the epoch"},
+             Field<&Header::sequence>{"seq", "", "copied back in replies of the player interface, else 0"},
+             Field<&Header::size>{"size", "bytes", "of the encoded body"}};
   friend bool operator==(const Header&, const Header&) = default;
 };
 
