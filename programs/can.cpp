@@ -12,6 +12,8 @@
 #include <regista/canopen/pump.hpp>
 #include <regista/canopen/slave.hpp>
 
+#include "command_line.hpp"
+
 namespace regista::canopen {
 namespace {
 
@@ -544,7 +546,7 @@ int run(int argc, char** argv) {
   auto* device_command = app.add_subcommand("device", "Play the device that an EDS describes");
   with_node(device_command, lss_unconfigured);
   device_command->add_option("EDS", a.eds)->required();
-  CLI11_PARSE(app, argc, argv);
+  if (const auto done = parse(app, argc, argv)) return *done;
   a.timeout = from_seconds(timeout_s);
 
   struct sigaction action{};

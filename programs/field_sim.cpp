@@ -16,6 +16,7 @@
 #include <regista/ssl/vision.hpp>
 #include <string>
 
+#include "command_line.hpp"
 #include "terminal.hpp"
 
 namespace {
@@ -251,9 +252,9 @@ int main(int argc, char** argv) {
   app.add_option("--mirror", options.mirror, "Share of frames that show the field turned by 180°")->check(probability);
   app.add_option("--report", options.report_hz, "Print the truth so often, a line of JSON each [Hz]")
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--seed", options.seed, "Chance starts here")->capture_default_str();
+  app.add_option("--seed", options.seed, "Chance starts here")->capture_default_str()->check(seeds);
   app.add_flag("--used", options.used, "Wheels off their centre, gears of unequal friction");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto done = parse(app, argc, argv)) return *done;
   try {
     return play(options);
   } catch (const std::exception& error) {

@@ -6,6 +6,7 @@
 #include <regista/sim/motor_board.hpp>
 #include <string>
 
+#include "command_line.hpp"
 #include "terminal.hpp"
 
 namespace {
@@ -41,9 +42,9 @@ int main(int argc, char** argv) {
   app.add_option("--link", link, "Make this a symbolic link to the pseudo-terminal; one that is there is replaced");
   app.add_option("--report", report_hz, "Print the truth so often, a line of JSON each [Hz]")
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--seed", seed, "Chance starts here")->capture_default_str();
+  app.add_option("--seed", seed, "Chance starts here")->capture_default_str()->check(seeds);
   app.add_flag("--used", used, "Wheels off their centre, gears of unequal friction");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto done = parse(app, argc, argv)) return *done;
 
   try {
     sim::MotorBoardParameters parameters;

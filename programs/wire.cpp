@@ -3,6 +3,7 @@
 #include <functional>
 #include <iostream>
 
+#include "command_line.hpp"
 #include "message_json.hpp"
 
 namespace regista {
@@ -85,8 +86,13 @@ Result<std::string> encode_line(std::string_view text, std::string& /*note*/) {
     const auto bytes = message_json::encode(message_json::Json::parse(text));
     if (!bytes) return bytes.error();
     return to_hex(*bytes);
-  } catch (const nlohmann::json::exception& error) {  // not JSON
-    return invalid(error.what());
+  } catch (const nlohmann::json::parse_error& error) {  // "[…] parse error at line 1, column 9: syntax error …"
+    const std::string_view what = error.what();
+    return invalid("not JSON at byte " + std::to_string(error.byte) + ": " +
+                   std::string{what.substr(what.find(": ") + 2)});
+  } catch (const nlohmann::json::exception& error) {  // "[…] number overflow parsing '1e999'"
+    const std::string_view what = error.what();
+    return invalid(std::string{what.substr(what.find("] ") + 2)});
   } catch (const message_json::Mismatch& error) {
     return invalid(error.what());
   }
@@ -126,7 +132,7 @@ int run(int argc, char** argv) {
   decode->add_option("MESSAGE", messages, "In hex; without any, standard input is read");
   auto* encode = app.add_subcommand("encode", "JSON on standard input, one message a line, to hex");
   for (auto* subcommand : {decode, encode}) subcommand->footer(examples);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto done = parse(app, argc, argv)) return *done;
 
   if (encode->parsed()) return convert_lines(encode_line) ? 0 : 1;
   if (messages.empty()) return convert_lines(decode_line) ? 0 : 1;

@@ -228,7 +228,12 @@ void DriverHost::process(Channel& channel, Inbound& inbound) {
   std::visit(Overloaded{
                  [&](const AnyCommand&) { process_command(channel, inbound); },
                  [&](const AnyRequest&) { process_request(channel, inbound); },
-                 [&](const Identity& who) { identities_[inbound.session] = who; },
+                 [&](const Identity& who) {
+                   const bool is_new = identities_.insert_or_assign(inbound.session, who).second;
+                   if (!is_new) return;
+                   // Whatever others were told: who comes must hear of its own first refusal.
+                   for (PortState& state : states_) state.refusals = PortState{}.refusals;
+                 },
                  [&](const Gone&) { gone(channel, inbound.session); },
              },
              inbound.message);

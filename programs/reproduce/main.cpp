@@ -6,6 +6,7 @@
 #include <iostream>
 #include <iterator>
 
+#include "../command_line.hpp"
 #include "experiments.hpp"
 
 namespace {
@@ -32,15 +33,20 @@ int main(int argc, char** argv) try {
   CLI::App app{"Simulates what three publications measured, with their controllers and with ours, and compares"};
   app.set_version_flag("--version", REGISTA_VERSION);
   app.add_option("--seed", settings.seed, "Chance starts here; the same seed gives the same numbers")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->check(regista::seeds);
   app.add_option("--runs", settings.runs, "Runs of each experiment")
       ->capture_default_str()
       ->check(CLI::Range(2, 10000));
-  app.add_option("--json", json, "Write the rows to this file, an array of objects; - for the standard output");
+  auto* json_option =
+      app.add_option("--json", json, "Write the rows, an array of objects, to this file, or instead of the text")
+          ->option_text("[FILE]")
+          ->expected(0, 1);
   app.add_option("--markdown", markdown,
                  "Write the tables to this file; what follows '<!-- By hand from here on. -->' in it stays");
   app.add_option("--plots", plots, "Write the plots, SVG, into this folder, and link them in the Markdown");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto done = regista::parse(app, argc, argv)) return *done;
+  if (json_option->count() > 0 && json.empty()) json = "-";
 
   std::vector<regista::reproduce::Experiment> experiments;
   for (const auto& run : {regista::reproduce::soccer_experiments, regista::reproduce::posture_experiments,

@@ -162,7 +162,8 @@ int main(int argc, char** argv) {
           ->expected(0, 1)
           ->default_str("localhost:6665")
           ->excludes(config);
-  app.add_option("--port", arguments.port, "TCP port instead of the configuration's; 0: any free one");
+  app.add_option("--port", arguments.port, "TCP port instead of the configuration's; 0: any free one")
+      ->excludes(status);  // which names its own
   app.add_option("--listen", arguments.listen,
                  "Addresses to listen on instead of the configuration's (127.0.0.1 and ::1)")
       ->allow_extra_args(false);  // one each: what follows may be the configuration

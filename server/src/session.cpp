@@ -126,6 +126,10 @@ void Session::finish(const std::string& reason) {
   owner_.on_closed(*this, reason);
 }
 
+std::string Session::slow(Time now) const {
+  return "slow consumer, " + mib(committed_bytes_) + " pending for " + one_decimal(now - progress_);
+}
+
 void Session::send(std::span<const std::byte> message) {
   if (closed_) return;
   ++messages_out;
@@ -139,7 +143,11 @@ void Session::send(std::span<const std::byte> message) {
   commit({.bytes = copy(message)});
   if (committed_.size() == 1) sent_of_front_ = sent;
   if (committed_bytes_ > limits_.max_control || committed_.size() > limits_.max_control_messages) {
-    return finish("slow consumer, " + mib(committed_bytes_) + " pending for " + one_decimal(Clock::now() - progress_));
+    std::string reason = slow(Clock::now());
+    if (committed_bytes_ <= limits_.max_control) {
+      reason += ": more than " + std::to_string(limits_.max_control_messages) + " messages";
+    }
+    return finish(reason);
   }
   flush();
 }
@@ -331,7 +339,7 @@ void Session::check(Time now) {
     return finish("protocol error: message incomplete after " + one_decimal(now - message_begun_));
   }
   if (!committed_.empty() && progress_ != Time{} && now - progress_ > limits_.slow_after) {
-    return finish("slow consumer, " + mib(committed_bytes_) + " pending for " + one_decimal(now - progress_));
+    return finish(slow(now));
   }
   if (input_ended_ && requests_waiting == 0) finish(close_reason_);
 }

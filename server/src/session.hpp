@@ -134,6 +134,8 @@ class Session : public std::enable_shared_from_this<Session> {
   void commit_data_and_synch();
   void queue_data(DataMessage& message, Time now);
   void drop_oldest_data();
+  /// The reason to be closed for, of a client that reads too slowly.
+  [[nodiscard]] std::string slow(Time now) const;
   void finish(const std::string& reason);
   [[nodiscard]] std::int32_t rule_for(const DataMessage& message) const;
 

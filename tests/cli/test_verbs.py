@@ -128,6 +128,8 @@ def test_get_and_set(fresh):
     assert fresh.run("get", "position2d", "noise").stdout == "0.25\n"
     assert fresh.run("set", "position2d", "noise", 1).returncode == 0  # a whole number is a number
     assert fresh.json("get", "position2d", "noise")["value"] == 1.0
+    negative = fresh.run("set", "position2d", "noise", -0.5)
+    assert negative.returncode == 4 and "noise" in negative.stderr, "the driver's word, not the shell's"
     wrong = fresh.run("set", "position2d", "noise", "loud")
     assert wrong.returncode == 2 and "noise of position2d:0 is a number, not 'loud'" in wrong.stderr
     unknown = fresh.run("get", "position2d", "colour")
@@ -150,8 +152,9 @@ def test_kick(fresh):
     with regista.Robot("127.0.0.1", fresh.port) as robot:  # keeps the driver open, and so its count
         kicker = robot.kicker()
         wait_for(lambda: robot.read(timeout=0.1) and kicker.count)
-        empty = fresh.run("kick", 3)
-        assert empty.returncode == 4 and "the capacitor has" in empty.stderr
+        for _ in range(3):  # each of them is told, however soon after the last one
+            empty = fresh.run("kick", 3)
+            assert empty.returncode == 4 and "the capacitor has" in empty.stderr
         assert fresh.run("kick", 3, "--charge").returncode == 0
         assert kicks() == 1
         assert fresh.run("kick", 3, "--chip", 0.8, "--charge").returncode == 0
@@ -206,6 +209,16 @@ def test_wire_tells_the_line_that_is_wrong_and_goes_on():
     assert done.returncode == 1
     assert len(done.stdout.splitlines()) == 1
     assert done.stderr.splitlines()[0].startswith("line 1: ") and "line 3: " in done.stderr
+
+
+def test_wire_encodes_no_nonsense():
+    right = json.loads(run("wire", "decode", MESSAGE).stdout)
+    wrong = ["{", "[1]", "NaN", "1e999", '"\\ud800"', "9" * 400, "[" * 100_000]
+    inside = [json.dumps({**right, "fields": {"vel": 0}}).replace('{"vel": 0}', text) for text in wrong]
+    done = run("wire", "encode", input="\n".join([*wrong, *inside, json.dumps(right)]) + "\n")
+    assert (done.returncode, done.stdout) == (1, MESSAGE + "\n")
+    told = [line.split(":")[0] for line in done.stderr.splitlines()]
+    assert told == [f"line {number + 1}" for number in range(len(wrong + inside))]
 
 
 VERBS = [
@@ -273,7 +286,18 @@ def test_ipv6(sim):
     )  # it listens on IPv4 only, and the text says where
 
 
-@pytest.mark.parametrize("arguments", [["lst"], ["list", "--nonsense"], ["print"], ["kick", "fast"], ["print", "a:b"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["lst"],
+        ["list", "--nonsense"],
+        ["print"],
+        ["kick", "fast"],
+        ["print", "a:b"],
+        ["get", "teapot:0", "noise"],
+        ["info", "position2d:65536"],
+    ],
+)
 def test_wrong_usage(arguments):
     done = run(*arguments)
     assert done.returncode == 2 and done.stderr and done.stdout == ""

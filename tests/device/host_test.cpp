@@ -511,6 +511,20 @@ TEST(DriverHost, tells_refusals_once_in_five_seconds_with_a_count) {
   EXPECT_EQ(bench.events[1], bench.events[0] + " (99 more before)");
 }
 
+TEST(DriverHost, tells_a_newcomer_its_refusal_whatever_others_were_told) {
+  Bench bench;
+  ASSERT_TRUE(bench.subscribe());
+  bench.drive(std::nan(""), alice);
+  bench.events.clear();
+  bench.post(base, Identity{.name = "teleop@host", .priority = 20}, bob);
+  ASSERT_TRUE(bench.subscribe(base, Access::open, bob));
+  bench.drive(std::nan(""), bob);
+  EXPECT_EQ(bench.events, Log{"position2d:0 refused: cmd_vel.vx = nan"});
+  bench.post(base, Identity{.name = "still@host", .priority = 20}, bob);
+  bench.drive(std::nan(""), bob);
+  EXPECT_EQ(bench.events.size(), 1) << "a new name makes no newcomer";
+}
+
 TEST(DriverHost, warns_of_a_flood_once_in_five_seconds_with_a_count) {
   Bench bench;
   ASSERT_TRUE(bench.subscribe());

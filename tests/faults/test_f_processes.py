@@ -172,6 +172,20 @@ def test_f05_request_flood_without_reading_costs_no_memory(tmp_path):
         assert other.ask(1, 0, 1)[2] == ACK
 
 
+def test_f10_driver_that_hangs_on_ends_the_server_with_70(tmp_path):
+    with Server(tmp_path, 'fault "hang" at "command" seconds 60', more="server ( hang_exit 0.5 )") as server:
+        client = Client(server.port)
+        client.open()
+        begin = time.monotonic()
+        client.velocity(0.5)
+        assert server.process.wait(10) == 70
+        assert 0.5 <= time.monotonic() - begin < 0.5 + 0.25 + 4 * NOISE
+        log = server.log()
+        assert re.search(r'driver "fake_base" did not return for \d+ ms', log)
+        assert "a driver has hung for too long: exiting, so that the service is started again" in log
+        client.close()
+
+
 def test_f11_driver_segfaults(tmp_path):
     """The server dies with it. That the hardware then stops is the drive's own doing, which nothing here can show."""
     with Server(tmp_path, 'fault "segfault" at "command"', preexec_fn=no_core) as server:

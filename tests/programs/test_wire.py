@@ -217,7 +217,8 @@ def test_the_size_of_a_header_may_be_left_out_but_not_be_wrong():
 
 
 def test_what_is_no_message_is_refused():
-    assert "parse error" in refused("encode", "{")
+    assert refused("encode", "{").startswith("not JSON at byte 2: syntax error")
+    assert refused("encode", json.dumps(velocity()).replace("0.3", "1e999")) == "number overflow parsing '1e999'"
     assert refused("encode", "[]") == "`message`: [] is not an object"
     assert refused("encode", '{"header": {}}') == "`fields`: missing"
     assert refused("encode", '{"header": 1, "fields": null}') == "`header`: 1 is not an object"
@@ -263,6 +264,11 @@ def test_a_float32_that_overflows_is_refused():
     assert refused("encode", message) == (
         "`fields.voltage`: 1e+39 is beyond the largest float of 32 bits, 3.4028234663852886e+38"
     )
+
+
+def test_wrong_usage_ends_with_64():
+    assert wire("decode", arguments=["--bogus"])[0] == 64
+    assert wire("guess")[0] == 64
 
 
 def test_help_shows_examples_that_work():

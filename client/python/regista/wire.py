@@ -24,5 +24,6 @@ def frame(message: Struct, device: str, subtype: int, *, answer: bool = False) -
 
 
 def encode(message: dict[str, Any]) -> bytes:
-    """The reverse, of one message. Counts and the header's size may be left out."""
-    return _core.wire_encode(json.dumps(message))
+    """The reverse, of one message. Counts and the header's size may be left out; NaN and the infinities are the strings
+    "nan", "inf", "-inf". ValueError: what is wrong."""
+    return _core.wire_encode(json.dumps(message, allow_nan=False, ensure_ascii=False).encode())

@@ -35,6 +35,8 @@ py::bytes wire_encode(const std::string& json) {
     return {reinterpret_cast<const char*>(bytes->data()), bytes->size()};
   } catch (const message_json::Mismatch& error) {
     throw py::value_error{error.what()};
+  } catch (const nlohmann::json::exception& error) {  // a number beyond the largest double
+    throw py::value_error{error.what()};
   }
 }
 

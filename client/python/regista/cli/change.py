@@ -158,7 +158,11 @@ def stop(robot: RobotOption = LOCALHOST, timeout: TimeoutOption = 2.0) -> None:
 
 def add_to(app: typer.Typer) -> None:
     app.command("get", epilog=examples("regista get position2d noise"))(get)
-    app.command("set", epilog=examples("regista set position2d noise 0.05"))(set_)
+    app.command(
+        "set",
+        epilog=examples("regista set position2d noise 0.05"),
+        context_settings={"ignore_unknown_options": True},  # -0.5 is a value
+    )(set_)
     app.command("odom", epilog=examples("regista odom", "regista odom --reset", "regista odom --set 1 0.5 1.57"))(odom)
     app.command("kick", epilog=examples("regista kick 3 --charge", "regista kick 4 --chip 0.8"))(kick)
     app.command("stop", epilog=examples("regista stop", "regista stop --robot robot7"))(stop)

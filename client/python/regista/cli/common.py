@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 import regista
+from regista import _core
 
 OK, FAILED, USAGE, CANNOT_CONNECT, REFUSED, TIMEOUT, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 PORT = 6665
@@ -101,7 +102,12 @@ def parse_device(text: str) -> str:
     name, colon, index = text.partition(":")
     if not name or (colon and not index.isdecimal()):
         fail(USAGE, f"device {text!r}: write INTERFACE:INDEX, such as position2d:0; `regista list` names them")
-    return f"{name}:{int(index or 0)}"
+    device = f"{name}:{int(index or 0)}"
+    try:
+        _core.device_code(device)
+    except ValueError as error:
+        fail(USAGE, f"{error}; `regista list` names what there is")
+    return device
 
 
 def index_of(name: str, interface: str) -> int:

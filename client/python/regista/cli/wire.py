@@ -55,7 +55,7 @@ def _convert(texts: Iterable[str], convert: Any, place: str) -> None:
             continue
         try:
             result = convert(text.strip())
-        except (ValueError, TypeError, regista.Error) as error:
+        except (ValueError, TypeError, RecursionError, regista.Error) as error:
             common.note(f"{place} {number}: {error}")
             good = False
             continue
