@@ -11,6 +11,7 @@
 #include <regista/canopen/open_bus.hpp>
 #include <regista/canopen/pump.hpp>
 #include <regista/canopen/slave.hpp>
+#include <utility>
 
 namespace regista::canopen {
 namespace {
@@ -409,7 +410,7 @@ int lss(const Arguments& a) {
   }
   bool booted = false;
   session.on_node = [&](NodeId node, NodeMonitor::Event event) {
-    booted = booted || (node == a.set_node && event == NodeMonitor::Event::boot_up);
+    booted = booted || (std::cmp_equal(node, a.set_node) && event == NodeMonitor::Event::boot_up);
   };
   (void)run([&](auto done) { master.switch_all(false, done, Clock::now()); });
   if (failed) throw Failure{*failed};
