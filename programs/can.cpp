@@ -11,6 +11,7 @@
 #include <regista/canopen/open_bus.hpp>
 #include <regista/canopen/pump.hpp>
 #include <regista/canopen/slave.hpp>
+#include <utility>
 
 #include "command_line.hpp"
 
@@ -409,8 +410,16 @@ int lss(const Arguments& a) {
       std::cerr << stored.error().message() << ": it is lost when the power goes\n";
     }
   }
+  bool booted = false;
+  session.on_node = [&](NodeId node, NodeMonitor::Event event) {
+    booted = booted || (std::cmp_equal(node, a.set_node) && event == NodeMonitor::Event::boot_up);
+  };
   (void)run([&](auto done) { master.switch_all(false, done, Clock::now()); });
   if (failed) throw Failure{*failed};
+  if (a.set_node != 0 && !session.run_until([&] { return booted; }, 1s)) {
+    std::cerr << "node " << a.set_node << " does not boot up by itself: reset it, by power or (all nodes without one) "
+              << "`nmt reset-communication`, with the node id that it had\n";
+  }
   return 0;
 }
 

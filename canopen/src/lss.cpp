@@ -16,7 +16,10 @@ enum : std::uint8_t {
   store_configuration = 0x17,
   select_vendor = 0x40,  // and product, revision, serial number after it
   selected = 0x44,
+  identify_vendor = 0x46,  // and product, revision and serial number from and to after it
+  identify_unconfigured = 0x4C,
   identify_slave = 0x4F,
+  unconfigured_slave = 0x50,
   scan = 0x51,
   inquire_vendor = 0x5A,  // and product, revision, serial number after it
   inquire_id = 0x5E,
@@ -208,10 +211,23 @@ std::optional<CanFrame> LssSlave::on_frame(const CanFrame& frame) {
   const std::uint8_t command = frame.data[0];
   if (command == switch_global) {
     configuring_ = frame.data[1] == 1;
-    if (!configuring_) node_ = pending_;
+    // Whoever has a node id keeps it until the next reset.
+    if (!configuring_ && node_ == lss_unconfigured) node_ = pending_;
     return {};
   }
   if (command == scan) return on_fast_scan(frame);
+  if (command == identify_unconfigured) {
+    if (node_ != lss_unconfigured || pending_ != lss_unconfigured) return {};
+    return answer(unconfigured_slave);
+  }
+  if (identify_vendor <= command && command < identify_unconfigured) {
+    const int limit = command - identify_vendor;
+    if (limit != 0 && limit != identified_) return {};
+    identified_ = is_within(limit, word_of(frame)) ? limit + 1 : 0;
+    if (identified_ < 6) return {};
+    identified_ = 0;
+    return answer(identify_slave);
+  }
   if (select_vendor <= command && command < selected) {
     const int part = command - select_vendor;
     const bool fits =
@@ -245,6 +261,30 @@ std::optional<CanFrame> LssSlave::on_frame(const CanFrame& frame) {
       return answer(command);
     default:
       return {};
+  }
+}
+
+void LssSlave::reset() {
+  node_ = pending_;
+  configuring_ = false;
+  selected_ = identified_ = 0;
+}
+
+/// Vendor, product, revision from and to, serial number from and to.
+bool LssSlave::is_within(int limit, std::uint32_t value) const {
+  switch (limit) {
+    case 0:
+      return identity_.vendor == value;
+    case 1:
+      return identity_.product == value;
+    case 2:
+      return identity_.revision >= value;
+    case 3:
+      return identity_.revision <= value;
+    case 4:
+      return identity_.serial >= value;
+    default:
+      return identity_.serial <= value;
   }
 }
 

@@ -159,6 +159,7 @@ void Slave::reset(bool application, Time now) {
   receive_.clear();
   transmit_.clear();
   heartbeat_at_ = Time::max();
+  lss_.reset();
   node_ = lss_.node();
   sdo_.reset();
   if (node_ == lss_unconfigured) {

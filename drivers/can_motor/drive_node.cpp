@@ -9,6 +9,7 @@ using namespace std::chrono_literals;
 using canopen::Bytes;
 using canopen::ByteView;
 using canopen::Cia402State;
+using canopen::NmtState;
 using canopen::NodeMonitor;
 using canopen::ObjectIndex;
 using canopen::PdoDirection;
@@ -99,6 +100,7 @@ std::string DriveNode::reason(const Error& error) const {
 /// Trouble first, while it is up: the quick stop goes to it, too. Perhaps it only cannot be heard.
 void DriveNode::lose(const std::string& why) {
   events_.trouble(title() + ": " + why);
+  failed_ = why;  // told already
   fail(why);
 }
 
@@ -433,6 +435,9 @@ void DriveNode::on_time(Time now) {
   }
   if (now < due_) return;
   if (step_ == Step::starting) {
+    if (const auto state = master_.monitor(node_).state(); watched_ && state && *state != NmtState::operational) {
+      return fail("was started and stays " + canopen::to_string(*state) + ": its error register 1001 may say why");
+    }
     return fail("was started and tells nothing: its PDO 0x" + canopen::hex(0x180U + node_, 3) + " does not come");
   }
   begin(now);

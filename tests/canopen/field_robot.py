@@ -321,7 +321,7 @@ driver ( name "imu" provides ["imu:0"] port "{folder}/imu" protocol "single_byte
 driver ( name "localizer" provides ["position2d:1" "localize:1"] requires ["position2d:0" "imu:0" "localize:0"] rate 50
          imu_heading yes heading_sd 1.15 slip_density 0.0167 accel_density 3 turn_density 10 )
 driver ( name "waypoint" provides ["planner:0"] requires ["position2d:0" "position2d:1" "dio:0"] relays 1 rate 50
-         park {{park}} leave {{leave}} estimates 5 {{keys}} )
+         relay_feedback yes park {{park}} leave {{leave}} estimates 5 {{keys}} )
 """
 PARK, LEAVE = 0.07, 0.14  # [m]
 SQUARE = [(10, 0, math.pi / 2), (10, 10, math.pi), (0, 10, -math.pi / 2), (0, 0, 0)]

@@ -2,6 +2,7 @@
 #include <regista/canopen/emcy.hpp>
 #include <regista/canopen/lss.hpp>
 #include <regista/canopen/nmt.hpp>
+#include <regista/canopen/slave.hpp>
 #include <regista/canopen/sync.hpp>
 
 #include "bench.hpp"
@@ -198,6 +199,61 @@ TEST_F(Lss, selects_by_identity_and_configures) {
   master.store(count, now);
   run();
   EXPECT_EQ(good, 3);
+}
+
+CanFrame lss_request(std::uint8_t command, std::uint32_t word = 0) {
+  CanFrame frame = make_frame(lss_master_id, {command, 0, 0, 0, 0, 0, 0, 0});
+  std::ranges::copy(le_bytes(word, 4), frame.data.begin() + 1);
+  return frame;
+}
+
+// Lely's coctl: lss_ident_nonconf and lss_identity timed out.
+TEST(LssSlave, tells_that_it_is_there_when_it_is_asked_by_limits_or_has_no_node_id) {
+  LssSlave slave{{0xF4, 0x402, 0x10001, 0x12345678}, lss_unconfigured};
+  const auto answer = [](std::uint8_t command) { return make_frame(lss_slave_id, {command, 0, 0, 0, 0, 0, 0, 0}); };
+  EXPECT_EQ(slave.on_frame(lss_request(0x4C)), answer(0x50));
+  const auto identify = [&](std::array<std::uint32_t, 6> limits) {
+    std::optional<CanFrame> last;
+    for (std::uint8_t i = 0; i < 6; ++i) {
+      EXPECT_FALSE(last);
+      last = slave.on_frame(lss_request(static_cast<std::uint8_t>(0x46 + i), limits[i]));
+    }
+    return last;
+  };
+  constexpr std::uint32_t all = 0xFFFFFFFF;
+  EXPECT_EQ(identify({0xF4, 0x402, 0, all, 0, all}), answer(0x4F));
+  EXPECT_EQ(identify({0xF4, 0x402, 0x10001, 0x10001, 0x12345678, 0x12345678}), answer(0x4F));
+  EXPECT_FALSE(identify({0xF5, 0x402, 0, all, 0, all}));
+  EXPECT_FALSE(identify({0xF4, 0x401, 0, all, 0, all}));
+  EXPECT_FALSE(identify({0xF4, 0x402, 0x10002, all, 0, all}));
+  EXPECT_FALSE(identify({0xF4, 0x402, 0, 0x10000, 0, all}));
+  EXPECT_FALSE(identify({0xF4, 0x402, 0, all, 0x12345679, all}));
+  EXPECT_FALSE(identify({0xF4, 0x402, 0, all, 0, 0x12345677}));
+  LssSlave other{{0xF4, 0x402, 0x10001, 0x12345678}, NodeId{9}};
+  EXPECT_FALSE(other.on_frame(lss_request(0x4C)));
+}
+
+// Lely's coctl: node 77 was 78 before anybody had reset it (CiA 305: the pending node id counts after a reset).
+TEST(LssSlave, keeps_a_node_id_that_it_has_until_it_is_reset) {
+  Bench bench;
+  VirtualBus::Port& port = bench.bus.attach();
+  Slave slave{port, 77, {}, {}, {}};
+  bench.join(port, slave);
+  Listener listener{bench};
+  VirtualBus::Port& us = bench.bus.attach();
+  const auto send = [&](const CanFrame& frame) {
+    ASSERT_TRUE(us.send(frame));
+    bench.run(1ms);
+  };
+  bench.run(1ms);
+  send(lss_request(0x04, 1));
+  send(lss_request(0x11, 78));
+  send(lss_request(0x04, 0));
+  EXPECT_EQ(slave.node(), 77);
+  send(nmt_frame(NmtCommand::reset_communication, 77));
+  EXPECT_EQ(slave.node(), 78);
+  EXPECT_EQ(listener.frames(0x700 + 77).size(), 1U);
+  EXPECT_EQ(listener.frames(0x700 + 78), std::vector{make_frame(0x700 + 78, {0})});
 }
 
 TEST_F(Lss, tells_what_did_not_work) {

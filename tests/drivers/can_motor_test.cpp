@@ -177,6 +177,20 @@ TEST(CanMotor, a_set_point_is_0_until_a_drive_is_enabled) {
   EXPECT_EQ(enabling, 4);
 }
 
+// CANopenNode: with an error in 1001, as without its storage files, a node does not become operational.
+TEST(CanMotor, tells_that_a_drive_does_not_start) {
+  Drives bench;
+  bench.drives->bus().lose = [](const canopen::CanFrame& frame) {
+    return frame == canopen::nmt_frame(canopen::NmtCommand::start, 5);
+  };
+  bench.run(7s);
+  EXPECT_NE(bench.events().find("node 5: was started and stays pre-operational: its error register 1001"),
+            std::string::npos);
+  bench.drives->bus().lose = [](const canopen::CanFrame& frame) { return frame.id == 0x185; };
+  bench.run(12s);
+  EXPECT_NE(bench.events().find("node 5: was started and tells nothing: its PDO 0x185"), std::string::npos);
+}
+
 TEST(CanMotor, an_emergency_of_one_drive_stops_both_until_power_is_asked_for) {
   Drives bench;
   ASSERT_TRUE(bench.up());

@@ -30,6 +30,7 @@ struct World {
   BodyVelocity commanded{};
   std::vector<std::uint32_t> outputs{};  ///< of the dio, as they were commanded
   std::string relay_trouble{};           ///< why the dio refuses commands
+  bool relays_stuck = false;             ///< it takes them, and its hardware does not
 };
 
 /// A differential base in a field, with fixes from outside, IMU and relays.
@@ -47,6 +48,7 @@ class Plant final : public Driver {
     dio_.on<dio::OutputCommand>([this](const auto& c) -> Result<> {
       if (!field_.relay_trouble.empty()) return Error{std::errc::io_error, field_.relay_trouble};
       field_.outputs.push_back(c.bits);
+      if (!field_.relays_stuck) confirmed_ = c.bits;
       return {};
     });
   }
@@ -74,6 +76,7 @@ class Plant final : public Driver {
       euler.orientation.yaw = wrap_angle(field_.truth.heading + noise_.normal(0.02));
       imu_.send(euler);
     }
+    dio_.send(dio::State{.count = 8, .bits = confirmed_});
     if (!field_.gps || beat_++ % 20 != 0) return;
     fixes_.push_back(
         {now_, localize::State{.hypotheses = {{.mean = {.x = field_.truth.x + field_.gps_jump_m + noise_.normal(0.1),
@@ -99,6 +102,7 @@ class Plant final : public Driver {
   Pose2d odometry_;
   Time now_{};
   unsigned beat_ = 0;
+  std::uint32_t confirmed_ = 0;
   std::vector<std::pair<Time, localize::State>> fixes_;
 };
 

@@ -135,6 +135,23 @@ TEST(WaypointDriver, fails_with_the_reason_when_a_relay_is_refused_and_tries_it_
   EXPECT_EQ(robot.field.outputs, (std::vector<std::uint32_t>{2, 0}));
 }
 
+// can_motor takes a command, and its drive aborts the write: an event, and data that do not follow.
+TEST(WaypointDriver, fails_with_the_reason_when_a_relay_that_was_taken_does_not_switch) {
+  Robot robot{"relay_feedback yes"};
+  ASSERT_TRUE(robot.upload("work", {{2, 0, 0}, {4, 0, 0}},
+                           {{.act = Act::relay, .output = 1, .on = 1}, {.act = Act::relay, .output = 1}}));
+  robot.field.relays_stuck = true;
+  robot.run("work");
+  ASSERT_TRUE(robot.until(MissionState::failed));
+  EXPECT_EQ(robot.mission().reason.view(), "the relays do not switch: 1 is off; why, the dio's driver has told");
+  EXPECT_EQ(robot.mission().point, 0U);
+  EXPECT_TRUE(robot.rests());
+  robot.field.relays_stuck = false;
+  ASSERT_TRUE(robot.rig.ask(planner::Enable{1}));
+  ASSERT_TRUE(robot.until(MissionState::finished));
+  EXPECT_EQ(robot.field.outputs, (std::vector<std::uint32_t>{2, 2, 0}));
+}
+
 TEST(WaypointDriver, begins_anew_when_the_robot_is_carried_away_from_its_work) {
   Robot robot;
   ASSERT_TRUE(robot.upload("work", {{2, 0, 0}},

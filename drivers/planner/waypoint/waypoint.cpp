@@ -17,7 +17,6 @@ constexpr std::size_t most_points = 10'000;
 constexpr std::size_t most_actions = 100'000;
 constexpr double longest_wait_s = 1e6;
 constexpr Duration base_timeout = 500ms;  // without its data it is not known to do anything
-constexpr Duration relay_timeout = 2s;
 
 control::WaypointMissionConfig read_mission(const Section& config) {
   control::WaypointMissionConfig mission;
@@ -61,12 +60,17 @@ Waypoint::Waypoint(Setup& setup)
     : port_{setup.provide<Planner>()},
       base_{setup.require<Position2d>()},
       poses_{count_of(setup.config, Position2d::code) > 1 ? std::optional{setup.require<Position2d>()} : std::nullopt},
-      dio_{count_of(setup.config, Dio::code) > 0 ? std::optional{setup.require<Dio>()} : std::nullopt},
       config_{read_mission(setup.config)},
-      relay_count_{dio_ ? static_cast<std::uint32_t>(setup.config.integer("relays", 8, {.min = 1, .max = 32})) : 0},
       obedience_{{.patience = setup.config.duration("obey_timeout", 3s, {.min = 0.1, .max = 60})}} {
   if (setup.config.boolean("outlives_owner", false) && !setup.config.boolean("alwayson", false)) {
     throw setup.config.error("outlives_owner", "needs `alwayson yes`: nobody else keeps this driver open");
+  }
+  if (count_of(setup.config, Dio::code) > 0) {
+    relay_count_ = static_cast<std::uint32_t>(setup.config.integer("relays", 8, {.min = 1, .max = 32}));
+    relays_.emplace(
+        setup.require<Dio>(),
+        RelayBank::Options{.count = relay_count_, .feedback = setup.config.boolean("relay_feedback", false)},
+        [this](const std::string& why) { fail_relays(why); });
   }
   base_.on_data<position2d::State>([this](const position2d::State& state, Time) {
     wheels_ = state.velocity;
@@ -128,7 +132,7 @@ Result<> Waypoint::check(const planner::SetMission& list) const {
       case planner::Act::relay:
         if (action.output >= relay_count_) {
           return invalid(name + ": relay " + number(action.output) + ", of " + number(relay_count_) +
-                         (dio_ ? " (key `relays`)" : ": the driver requires no dio"));
+                         (relays_ ? " (key `relays`)" : ": the driver requires no dio"));
         }
         break;
       case planner::Act::ask:
@@ -153,8 +157,8 @@ Result<Empty> Waypoint::set_mission(const planner::SetMission& list) {
 
 Result<> Waypoint::load(planner::SetMission list) {
   // Work that was broken off: nobody comes back to it.
-  if (restoring_ || relays_ != relays_before_ || unsure_) {
-    if (!send_relays(relays_before_)) {
+  if (relays_ && (restoring_ || !relays_->stand(relays_before_))) {
+    if (!relays_->tell(relays_before_)) {
       return Error{std::errc::not_connected, "the relays of the work that was broken off are not connected"};
     }
     restoring_ = true;
@@ -241,7 +245,7 @@ bool Waypoint::drives() const {
 }
 
 Result<> Waypoint::read(const Tick& tick) {
-  if (restoring_ && (switching_ || drives())) restoring_ = !switch_relays(relays_before_, tick.dt);
+  if (restoring_ && (relays_->switching() || drives())) restoring_ = !relays_->step(relays_before_, tick.dt);
   if (restoring_ || !mission_) return {};  // nobody drives with what other work left on
   const bool speaks = wheels_seen_ && tick.now - *wheels_seen_ <= base_timeout;
   const bool drove = drives();
@@ -267,7 +271,7 @@ Result<> Waypoint::read(const Tick& tick) {
 void Waypoint::work(Duration dt) {
   const bool begins = output_.tool != report_.finished;
   if (output_.tool == ToolAction::lower && begins) {
-    relays_before_ = relays_;
+    if (relays_) relays_before_ = relays_->bits();
     action_ = 0;
     waited_ = {};
     asked_ = answered_ = false;
@@ -277,8 +281,8 @@ void Waypoint::work(Duration dt) {
     if (action_ < actions_[output_.waypoint].size()) return;
   }
   const bool interrupted = output_.tool == ToolAction::raise && action_ < actions_[output_.waypoint].size();
-  if (interrupted && !switch_relays(relays_before_, dt)) return;
-  if (output_.tool == ToolAction::raise) relays_before_ = relays_;  // what was done here stays
+  if (interrupted && relays_ && !relays_->step(relays_before_, dt)) return;
+  if (output_.tool == ToolAction::raise && relays_) relays_before_ = relays_->bits();  // what was done here stays
   report_ = {.finished = output_.tool};
 }
 
@@ -296,49 +300,17 @@ void Waypoint::do_actions(Duration dt) {
     }
     if (action.act == planner::Act::relay) {
       const std::uint32_t bit = 1U << action.output;
-      if (!switch_relays(action.on != 0 ? relays_ | bit : relays_ & ~bit, dt)) return;
+      const std::uint32_t now = relays_->bits();
+      if (!relays_->step(action.on != 0 ? now | bit : now & ~bit, dt)) return;
     }
     waited_ = {};
     asked_ = answered_ = false;
   }
 }
 
-/// True: they are as they are to be. False: they are being told, or would not be, and the mission is held.
-bool Waypoint::switch_relays(std::uint32_t bits, Duration dt) {
-  if (switching_) {
-    switching_for_ += dt;
-    if (switching_for_ > relay_timeout) fail_relays("do not answer");
-    return false;
-  }
-  if (bits == relays_ && !unsure_) return true;
-  if (!send_relays(bits)) fail_relays("are not connected");
-  return false;
-}
-
-bool Waypoint::send_relays(std::uint32_t bits) {
-  const auto answered = [this, number = switched_ + 1, bits](const Result<>& taken) {
-    if (number != switched_) return;  // of another time
-    if (!taken) {
-      return fail_relays("refuse: " + (taken.error().what.empty() ? taken.error().message() : taken.error().what));
-    }
-    switching_ = unsure_ = false;
-    relays_ = bits;
-  };
-  if (!dio_->connected() || !dio_->send(dio::OutputCommand{.count = relay_count_, .bits = bits}, answered)) {
-    return false;
-  }
-  ++switched_;
-  switching_ = unsure_ = true;
-  switching_for_ = {};
-  return true;
-}
-
 void Waypoint::fail_relays(const std::string& why) {
-  switching_ = false;
-  ++switched_;  // a late answer is for nobody
-  const std::string reason = "the relays " + why;
-  if (drives()) hold(planner::MissionState::failed, reason);
-  port_.tell(1, reason);
+  if (drives()) hold(planner::MissionState::failed, why);
+  port_.tell(1, why);
 }
 
 void Waypoint::halt() noexcept {

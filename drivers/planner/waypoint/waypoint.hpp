@@ -6,6 +6,8 @@
 #include <regista/control/waypoint_mission.hpp>
 #include <regista/device/driver.hpp>
 
+#include "relay_bank.hpp"
+
 namespace regista {
 
 /// Drives a base that cannot move sideways through way-points, parks at each and works there: control::WaypointMission,
@@ -22,13 +24,13 @@ namespace regista {
 /// while the mission is under way and left alone while it is paused: when this driver or its server dies, the base's
 /// own lease stops it. When somebody else drives the base, the mission fails and does not go on by itself.
 ///
-/// A point is worked at action by action. A relay counts as switched when the dio's driver has taken it, which need not
-/// be when its hardware has done it (`can_motor`: an event tells then that it did not). When that driver refuses, or
-/// does not answer for 2 s, the mission fails with its reason, and ENABLE 1 tries it again. When the robot is moved
-/// from there, the mission fails, with the relays as they are; with ENABLE 1 they go back to what they were when it
-/// came, it drives there again and begins anew. A stop and a pause leave the relays as they are, too; another mission
-/// or goal puts them back, and does not drive before the dio has taken that: it fails as above, and RUN or ENABLE 1
-/// tries again.
+/// A point is worked at action by action. A relay counts as switched when the dio's driver has taken it; with
+/// `relay_feedback yes` when the dio's data say so, as those of `can_motor` do, whose drives may refuse later what it
+/// has taken. When that driver refuses, or nothing happens for 2 s, the mission fails with the reason, and ENABLE 1
+/// tries it again. When the robot is moved from there, the mission fails, with the relays as they are; with ENABLE 1
+/// they go back to what they were when it came, it drives there again and begins anew. A stop and a pause leave the
+/// relays as they are, too; another mission or goal puts them back, and does not drive before the dio has taken that:
+/// it fails as above, and RUN or ENABLE 1 tries again.
 ///
 /// | Key                 | Value                                                                     | Default       |
 /// |---------------------|---------------------------------------------------------------------------|---------------|
@@ -45,6 +47,7 @@ namespace regista {
 /// | `drive_timeout`     | [s] from one point to the next                                            | 300           |
 /// | `obey_timeout`      | [s] for which the base may do something else than it is told              | 3             |
 /// | `relays`            | outputs of the dio, from 0, that are ours                                 | 8             |
+/// | `relay_feedback`    | the dio's data are how its outputs stand, not inputs                      | no            |
 class Waypoint final : public Driver {
  public:
   explicit Waypoint(Setup& setup);
@@ -68,8 +71,6 @@ class Waypoint final : public Driver {
   void hold(planner::MissionState state, const std::string& reason);
   void work(Duration dt);
   void do_actions(Duration dt);
-  bool switch_relays(std::uint32_t bits, Duration dt);
-  bool send_relays(std::uint32_t bits);
   void fail_relays(const std::string& why);
   void tell_progress(const control::WaypointMission::Output& before);
   [[nodiscard]] planner::Mission mission() const;
@@ -79,11 +80,11 @@ class Waypoint final : public Driver {
   Port<Planner> port_;
   Required<Position2d> base_;
   std::optional<Required<Position2d>> poses_;
-  std::optional<Required<Dio>> dio_;
+  std::optional<RelayBank> relays_;
 
   // As configured.
   control::WaypointMissionConfig config_;
-  std::uint32_t relay_count_;
+  std::uint32_t relay_count_ = 0;
 
   // The mission.
   planner::SetMission list_;
@@ -101,13 +102,8 @@ class Waypoint final : public Driver {
   Duration waited_{};
   bool asked_ = false;
   bool answered_ = false;
-  std::uint32_t relays_ = 0;         ///< as they were told and have taken
-  bool unsure_ = false;              ///< they did not take the last command: may be as before, or as told
   std::uint32_t relays_before_ = 0;  ///< at the start of the work at this point
   bool restoring_ = false;           ///< other work was broken off: they have to be as before it, first
-  bool switching_ = false;           ///< they have not answered yet
-  std::uint32_t switched_ = 0;       ///< number of the last command to them
-  Duration switching_for_{};
 
   // What the devices said.
   std::optional<Pose2d> new_pose_;  ///< since the last beat

@@ -90,18 +90,23 @@ class LssSlave {
 
   /// The answer, if there is one.
   std::optional<CanFrame> on_frame(const CanFrame& frame);
+  /// The node was reset, by NMT or power: a new node id counts from here. One that had none takes it at once.
+  void reset();
   [[nodiscard]] NodeId node() const { return node_; }  ///< 255: none yet
   [[nodiscard]] std::uint8_t bit_timing() const { return bit_timing_; }
   [[nodiscard]] bool configuring() const { return configuring_; }
 
  private:
   std::optional<CanFrame> on_fast_scan(const CanFrame& frame);
+  [[nodiscard]] bool is_within(int limit, std::uint32_t value) const;
+
   Identity identity_;
   NodeId node_;
   NodeId pending_;
   std::uint8_t bit_timing_ = 0;
   bool configuring_ = false;
   int selected_ = 0;       ///< parts of the identity that have matched
+  int identified_ = 0;     ///< limits of it that were kept
   std::uint8_t scan_ = 0;  ///< the part that the fast scan is at
 };
 
