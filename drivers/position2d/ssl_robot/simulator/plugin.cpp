@@ -13,13 +13,13 @@ using namespace regista;
 ///
 /// Beside the keys of ssl_robot, but for `port`, `baud`, `seed` and `imu`, which a simulator has not:
 ///
-/// | Key        | Value                                                                            | Default       |
-/// |------------|----------------------------------------------------------------------------------|---------------|
-/// | `host`     | where the simulator runs                                                         | "127.0.0.1"   |
-/// | `protocol` | "league" (ssl-simulation-protocol) or "grsim"                                    | "league"      |
-/// | `udp_port` | of the simulator                                                                 | league: 10301
-/// blue, 10302 yellow; grsim: 20011 | | `team`     | "blue" or "yellow" | must be there | | `robot`    | its pattern, 0
-/// to 15                                                             | must be there |
+/// | Key        | Value                                                     | Default                            |
+/// |------------|-----------------------------------------------------------|------------------------------------|
+/// | `host`     | where the simulator runs                                  | "127.0.0.1"                        |
+/// | `protocol` | "league" (ssl-simulation-protocol) or "grsim"             | "league"                           |
+/// | `udp_port` | of the simulator                                          | 10301 blue, 10302 yellow; grsim: 20011 |
+/// | `team`     | "blue" or "yellow"                                        | must be there                      |
+/// | `robot`    | its pattern, 0 to 15                                      | must be there                      |
 std::unique_ptr<Driver> create(Setup& setup) {
   const Section& config = setup.config;
   const std::string team = config.text("team");
