@@ -11,7 +11,6 @@
 
 #include "bench.hpp"
 #include "simulator_link.hpp"
-#include "ssl_robot.hpp"
 
 namespace regista {
 namespace {
@@ -134,12 +133,8 @@ class Simulator {
 class SslSimulator : public testing::Test {
  protected:
   SslSimulator()
-      : bench_{"provides [\"position2d:0\" \"position2d:1\" \"kicker:0\"]",
-               [this](regista::Setup& setup) -> std::unique_ptr<Driver> {
-                 auto link =
-                     std::make_unique<SimulatorLink>(SimulatorAddress{.port = simulator_.port(), .robot = 5},
-                                                     ssl_kinematics(setup.config), 0.035, 144 / (2 * std::numbers::pi));
-                 return std::make_unique<SslRobot>(setup, std::move(link), nullptr);
+      : bench_{"provides [\"position2d:0\" \"position2d:1\" \"kicker:0\"]", [this](regista::Setup& setup) {
+                 return simulated_robot(setup, {.port = simulator_.port(), .robot = 5});
                }} {}
   void run(Duration duration) {
     for (const Time end = bench_.now() + duration; bench_.now() < end;) {
@@ -180,6 +175,18 @@ TEST_F(SslSimulator, hears_of_a_command_in_the_beat_that_takes_it) {
   EXPECT_NEAR(simulator_.velocity().x, 0.1, 1e-3);
 }
 
+// grSim does, on a computer that has other things to do. Its robot moves on from where it stood, not from where the
+// wheels would be.
+TEST_F(SslSimulator, goes_on_to_its_pose_when_the_simulator_has_stalled) {
+  run(200ms);
+  bench_.send(position2d::PositionCommand{.pose = {.x = 0.5, .y = 0.5}});
+  run(1s);
+  bench_.run(120ms);
+  run(5s);
+  EXPECT_LT(distance(simulator_.pose(), {.x = 0.5, .y = 0.5}), 0.01);
+  EXPECT_EQ(bench_.events().find("jumped"), std::string::npos);
+}
+
 // Nothing in a simulator stops a robot that hears no more.
 TEST_F(SslSimulator, stands_when_its_server_has_ended) {
   run(200ms);
@@ -195,11 +202,8 @@ TEST_F(SslSimulator, stands_when_its_server_has_ended) {
 
 TEST_F(SslSimulator, says_that_no_simulator_is_started) {
   const std::uint16_t port = Simulator{}.port();  // and gone
-  Bench bench{"provides [\"position2d:0\"]", [&](regista::Setup& setup) -> std::unique_ptr<Driver> {
-                auto link = std::make_unique<SimulatorLink>(SimulatorAddress{.port = port, .robot = 5},
-                                                            ssl_kinematics(setup.config), 0.035, 23);
-                return std::make_unique<SslRobot>(setup, std::move(link), nullptr);
-              }};
+  Bench bench{"provides [\"position2d:0\"]",
+              [&](regista::Setup& setup) { return simulated_robot(setup, {.port = port, .robot = 5}); }};
   bench.run(100ms);
   EXPECT_NE(bench.events().find("(is it started?): Connection refused"), std::string::npos);
 }

@@ -14,6 +14,8 @@
 #include <optional>
 #include <utility>
 
+#include "ssl_robot.hpp"
+
 namespace regista {
 
 namespace {
@@ -276,6 +278,14 @@ Result<std::size_t> SimulatorLink::receive(const Tick& tick, std::span<std::uint
   motor_board_tick(&firmware_, now_us());
   if (!std::exchange(answers_, false) || bytes.size() < motor_board_telemetry_size) return std::size_t{0};
   return motor_board_answer(&firmware_, now_us(), bytes.data());
+}
+
+std::unique_ptr<Driver> simulated_robot(Setup& setup, SimulatorAddress address) {
+  auto link = std::make_unique<SimulatorLink>(std::move(address), ssl_kinematics(setup.config),
+                                              setup.config.length("wheel_radius", 0.035, {.min = 1e-6}),
+                                              setup.config.number("ticks", 144, {.min = 1}) / (2 * std::numbers::pi));
+  return std::make_unique<SslRobot>(setup, std::move(link), nullptr,
+                                    control::FieldEstimatorConfig{.fix_sd_m = 0.008, .wheels_sd_mps = 0.4});
 }
 
 }  // namespace regista

@@ -4,8 +4,10 @@
 #include <regista/motor_board/board.h>
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <regista/control/kinematics.hpp>
+#include <regista/device/driver.hpp>
 #include <regista/motor_board/link.hpp>
 #include <span>
 #include <string>
@@ -86,5 +88,9 @@ class SimulatorLink final : public motor_board::BoardLink {
   Duration now_{};
   double edges_[motor_board_wheels] = {};
 };
+
+/// The driver of a robot whose wheels tell what they were told and not how they turn, which a simulator that stalls, or
+/// runs slower than time, makes two things: the camera, behind the bridge, is believed sooner than by ssl_robot.
+std::unique_ptr<Driver> simulated_robot(Setup& setup, SimulatorAddress address);
 
 }  // namespace regista
