@@ -10,11 +10,14 @@
 #   --port N               TCP: yellow robots at N and on, blue ones at N + 16, the bridge's status at N + 32 (6700)
 #   --udp N                UDP: vision at N, tracked vision at N + 1, referee at N + 2 (the league's: 10020, 10010, 10003)
 #   --sim OPTION...        for regista-field-sim, one word: "--used --cameras 4"
+#   --simulator PROTOCOL   none of that, but a simulator of the league that runs here already: "league", or "grsim" for
+#                          grSim's own packets. Its robots are driven, and its vision is heard
+#   --interface NAME       where that vision comes (all that can multicast, but not lo)
 #
 # Programs are looked for in $REGISTA_BIN, or else in the PATH.
 set -euo pipefail
 
-yellow=6 blue=6 port=6700 vision=10020 tracked=10010 referee=10003 sim=()
+yellow=6 blue=6 port=6700 vision=10020 tracked=10010 referee=10003 sim=() simulator='' interface=''
 while (($#)); do
   case $1 in
     --yellow) yellow=$2 && shift ;;
@@ -22,6 +25,8 @@ while (($#)); do
     --port) port=$2 && shift ;;
     --udp) vision=$2 tracked=$(($2 + 1)) referee=$(($2 + 2)) && shift ;;
     --sim) read -r -a sim <<<"$2" && shift ;;
+    --simulator) simulator=$2 && shift ;;
+    --interface) interface=$2 && shift ;;
     --) shift && break ;;
     *) echo "field.sh: no option '$1'" >&2 && exit 64 ;;
   esac
@@ -66,23 +71,30 @@ await() {
   done
 }
 
-start field "${bin}regista-field-sim" "$folder/boards" --yellow "$yellow" --blue "$blue" --port "$vision" "${sim[@]}"
-await field
+delay=0.02 # the simulated cameras' timestamps hide it
+if [[ $simulator ]]; then
+  delay=0 # grSim's hide nothing
+else
+  interface=lo
+  start field "${bin}regista-field-sim" "$folder/boards" --yellow "$yellow" --blue "$blue" --port "$vision" "${sim[@]}"
+  await field
+fi
 {
-  # The simulated cameras' timestamps hide 20 ms.
-  echo "vision ( interfaces [\"lo\"] port $vision tracked_port $tracked referee_port $referee"
-  echo "  publish [\"lo\"] delay 0.02 status_port $((port + 32))"
+  echo "vision ( port $vision tracked_port $tracked referee_port $referee"
+  [[ -z $interface ]] || echo "  interfaces [\"$interface\"]"
+  echo "  publish [\"lo\"] delay $delay status_port $((port + 32))"
   echo ")"
 } >"$folder/team.cfg"
 add_team() {
   local team=$1 count=$2 first=$3 i
   for ((i = 0; i < count; ++i)); do
+    local robot="name \"ssl_robot\" port \"$folder/boards/$team$i\" provides [\"position2d:0\" \"position2d:1\" \"kicker:0\" \"power:0\"]"
+    [[ -z $simulator ]] ||
+      robot="name \"ssl_simulator\" protocol \"$simulator\" team \"$team\" robot $i provides [\"position2d:0\" \"position2d:1\" \"kicker:0\"]"
     cat >"$folder/$team$i.cfg" <<END
 driver
 (
-  name "ssl_robot"
-  provides ["position2d:0" "position2d:1" "kicker:0" "power:0"]
-  port "$folder/boards/$team$i"
+  $robot
   rate 100
   vision_sd 0.008  # of poses that the bridge has filtered: their errors last
   speed 1.2

@@ -13,6 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration steer_period = 10ms;
+constexpr Duration dribble_period = 50ms;  ///< less than the shortest lease
 constexpr Duration vision_silent = 500ms;  ///< then nothing is known of the field, and another tracker may be believed
 constexpr Duration vision_late = 200ms;    ///< then nobody is steered by it
 constexpr Duration retry_margin = 100ms;   ///< on the lease for which somebody who was stopped has to pause
@@ -77,15 +78,35 @@ std::string TeamRobot::stopped_because() const {
 
 /// While it drives for us, always. Else one attempt in a while: who was stopped must pause for a lease, and by HALT
 /// nobody gets round.
-bool TeamRobot::may_command(Time now) {
+bool TeamRobot::may_command(const client::ProxyBase& device, std::string_view group, Time& tried, Time now) const {
   if (!connected()) return false;
   if (!robot_.connection().extended()) return true;
-  const player::Motion* motion = base_.told_motion();
+  const player::Motion* motion = device.told_motion(group);
   if (motion != nullptr && motion->state == player::MotionState::driving && motion->owner.view() == owner_) return true;
   const Duration pause = (motion != nullptr ? from_seconds(motion->lease_s) : vision_silent) + retry_margin;
-  if (now - tried_ < pause) return false;
-  tried_ = now;
+  if (now - tried < pause) return false;
+  tried = now;
   return true;
+}
+
+void TeamRobot::dribble(double speed_radps) {
+  require_finite(speed_radps, 0, 0);
+  kicker().dribble(static_cast<float>(speed_radps));
+  dribble_radps_ = speed_radps;
+  dribbled_ = tried_to_dribble_ = Clock::now();
+}
+
+/// Its lease ends like that of a velocity.
+void TeamRobot::keep_dribbling(Time now) {
+  if (dribble_radps_ == 0 || now - dribbled_ < dribble_period || !connected()) return;
+  client::KickerProxy& device = kicker();
+  if (!may_command(device, "dribbler", tried_to_dribble_, now)) return;
+  dribbled_ = now;
+  try {
+    device.dribble(static_cast<float>(dribble_radps_));
+  } catch (const client::Error&) {
+    ++unsent_;
+  }
 }
 
 // -- All of them
@@ -231,6 +252,7 @@ void Team::steer(Time now) {
   }
   for (TeamRobot& robot : robots_) {
     if (const auto* own = std::get_if<TeamRobot::GoTo>(&robot.wish_)) robot.remind(own->goal, now);
+    robot.keep_dribbling(now);
   }
 }
 

@@ -62,8 +62,7 @@ Size3d read_size(const Section& config) {
   return {.width = size[1], .length = size[0], .height = size[2]};
 }
 
-control::FieldEstimatorConfig read_estimator(const Section& config) {
-  control::FieldEstimatorConfig estimator;
+control::FieldEstimatorConfig read_estimator(const Section& config, control::FieldEstimatorConfig estimator) {
   estimator.fix_sd_m = config.length("vision_sd", estimator.fix_sd_m, positive);
   estimator.fix_sd_rad = config.angle("vision_turn_sd", estimator.fix_sd_rad, positive);
   estimator.wheels_sd_mps = config.length("wheels_sd", estimator.wheels_sd_mps, positive);
@@ -163,7 +162,8 @@ control::Kinematics ssl_kinematics(const Section& config) {
 
 SslRobot::SslRobot(Setup& setup) : SslRobot{setup, link_to_board(setup.config), bus_to_imu(setup.config)} {}
 
-SslRobot::SslRobot(Setup& setup, std::unique_ptr<motor_board::BoardLink> link, std::unique_ptr<I2cBus> bus)
+SslRobot::SslRobot(Setup& setup, std::unique_ptr<motor_board::BoardLink> link, std::unique_ptr<I2cBus> bus,
+                   const control::FieldEstimatorConfig& estimator)
     : base_{setup.provide<Position2d>()},
       camera_{setup.provide<Position2d>()},
       kicker_{setup.provide<Kicker>()},
@@ -181,7 +181,7 @@ SslRobot::SslRobot(Setup& setup, std::unique_ptr<motor_board::BoardLink> link, s
       rim_per_edge_m_{2 * pi * wheel_radius_m_ / setup.config.number("ticks", 144, {.min = 1})},
       slip_mps_{setup.config.length("slip", 0.2, positive)},
       size_{read_size(setup.config)},
-      with_imu_{read_estimator(setup.config)},
+      with_imu_{read_estimator(setup.config, estimator)},
       without_imu_{without_imu(with_imu_)},
       calibration_config_{read_calibration(setup.config)},
       uses_imu_{setup.config.text("imu", "board") != "none"},

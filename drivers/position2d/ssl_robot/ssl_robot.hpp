@@ -69,8 +69,10 @@ class SslRobot final : public Driver {
  public:
   /// The board and the IMU that the `.cfg` names.
   explicit SslRobot(Setup& setup);
-  /// With this cable to the board, and this bus to the IMU if it is not the board's.
-  SslRobot(Setup& setup, std::unique_ptr<motor_board::BoardLink> link, std::unique_ptr<I2cBus> bus);
+  /// With this cable to the board, and this bus to the IMU if it is not the board's. `estimator` is what the `.cfg`
+  /// does not say.
+  SslRobot(Setup& setup, std::unique_ptr<motor_board::BoardLink> link, std::unique_ptr<I2cBus> bus,
+           const control::FieldEstimatorConfig& estimator = {});
 
   Result<> open() override;
   Result<> read(const Tick& tick) override;

@@ -14,6 +14,8 @@
 #include <optional>
 #include <utility>
 
+#include "ssl_robot.hpp"
+
 namespace regista {
 
 namespace {
@@ -119,6 +121,12 @@ class Reader {
   std::span<const std::uint8_t> bytes_;
 };
 
+std::vector<std::uint8_t> grsim_packet(const Fields& robot, bool yellow) {
+  Fields commands;
+  commands.real64(1, 0).number(2, yellow ? 1 : 0).message(3, robot);
+  return Fields{}.message(1, commands).bytes();
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> league_packet(const SimulatorCommand& command) {
@@ -128,6 +136,14 @@ std::vector<std::uint8_t> league_packet(const SimulatorCommand& command) {
   robot.number(1, command.robot).message(2, Fields{}.message(2, local));
   if (command.kick_mps > 0) robot.real(3, command.kick_mps).real(4, command.kick_rad / degree);
   robot.real(5, command.dribbler_radps / radps_per_rpm);
+  return Fields{}.message(1, robot).bytes();
+}
+
+std::vector<std::uint8_t> league_packet(const SimulatorBrake& brake) {
+  Fields wheels;  // front right, back right, back left, front left
+  wheels.real(1, 0).real(2, 0).real(3, 0).real(4, 0);
+  Fields robot;
+  robot.number(1, brake.robot).message(2, Fields{}.message(1, wheels));
   return Fields{}.message(1, robot).bytes();
 }
 
@@ -141,9 +157,14 @@ std::vector<std::uint8_t> grsim_packet(const SimulatorCommand& command) {
       .real(6, command.velocity.w)
       .number(7, command.dribbler_radps > 0 ? 1 : 0)
       .number(8, 0);
-  Fields commands;
-  commands.real64(1, 0).number(2, command.yellow ? 1 : 0).message(3, robot);
-  return Fields{}.message(1, commands).bytes();
+  return grsim_packet(robot, command.yellow);
+}
+
+std::vector<std::uint8_t> grsim_packet(const SimulatorBrake& brake) {
+  Fields robot;
+  robot.number(1, brake.robot).real(2, 0).real(3, 0).real(4, 0).real(5, 0).real(6, 0).number(7, 0).number(8, 1);
+  for (int wheel = 9; wheel <= 12; ++wheel) robot.real(wheel, 0);
+  return grsim_packet(robot, brake.yellow);
 }
 
 std::optional<bool> ball_contact(std::span<const std::uint8_t> response, std::uint32_t robot) {
@@ -186,7 +207,7 @@ Result<> SimulatorLink::open() {
   if (!connected) return Error{std::error_code{error, std::generic_category()}, name_};
   motor_board_start(&firmware_);
   firmware_.telemetry.battery_mv = 12'000;  // none is simulated
-  input_.clear();
+  answers_ = false;
   std::ranges::fill(edges_, 0.0);
   return {};
 }
@@ -196,20 +217,32 @@ void SimulatorLink::close() noexcept {
 }
 
 Result<> SimulatorLink::send(std::span<const std::uint8_t> bytes) {
-  input_.insert(input_.end(), bytes.begin(), bytes.end());
-  return {};
+  for (const std::uint8_t byte : bytes) answers_ = motor_board_take(&firmware_, byte, now_us()) || answers_;
+  return radio();
 }
 
-void SimulatorLink::listen() {
+std::uint32_t SimulatorLink::now_us() const { return static_cast<std::uint32_t>(now_ / 1us); }
+
+Result<> SimulatorLink::listen() {
   std::array<std::uint8_t, 2048> packet{};
   for (int i = 0; i < 16; ++i) {
     const ssize_t size = ::recv(socket_, packet.data(), packet.size(), 0);
-    if (size < 0) return;
+    if (size < 0) return errno == ECONNREFUSED ? failed(errno) : Result<>{};
     const auto contact = ball_contact(std::span{packet}.first(static_cast<std::size_t>(size)), address_.robot);
     if (!contact) continue;
     firmware_.telemetry.status =
         static_cast<std::uint8_t>((firmware_.telemetry.status & ~motor_board_ball) | (*contact ? motor_board_ball : 0));
   }
+  return {};
+}
+
+Result<> SimulatorLink::transmit(std::span<const std::uint8_t> packet) {
+  if (::send(socket_, packet.data(), packet.size(), 0) >= 0 || errno == EAGAIN || errno == ENOBUFS) return {};
+  return failed(errno);
+}
+
+Error SimulatorLink::failed(int error) const {
+  return {std::error_code{error, std::generic_category()}, name_ + (error == ECONNREFUSED ? " (is it started?)" : "")};
 }
 
 Result<> SimulatorLink::radio() {
@@ -225,9 +258,11 @@ Result<> SimulatorLink::radio() {
     command.kick_mps = 1e-3 * is.kick_speed_mmps;
     command.kick_rad = 1e-3 * is.kick_angle_mrad;
   }
-  const auto packet = address_.grsim ? grsim_packet(command) : league_packet(command);
-  if (::send(socket_, packet.data(), packet.size(), 0) >= 0 || errno == EAGAIN || errno == ENOBUFS) return {};
-  return Error{std::error_code{errno, std::generic_category()}, name_};
+  if (Result<> sent = transmit(address_.grsim ? grsim_packet(command) : league_packet(command)); !sent) return sent;
+  if (drives) return {};
+  // After the velocity, which is for simulators that know no wheels.
+  const SimulatorBrake brake{.robot = address_.robot, .yellow = address_.yellow};
+  return transmit(address_.grsim ? grsim_packet(brake) : league_packet(brake));
 }
 
 Result<std::size_t> SimulatorLink::receive(const Tick& tick, std::span<std::uint8_t> bytes) {
@@ -237,18 +272,20 @@ Result<std::size_t> SimulatorLink::receive(const Tick& tick, std::span<std::uint
     firmware_.telemetry.count[i] = static_cast<std::int32_t>(std::llround(edges_[i]));
     firmware_.telemetry.speed_mradps[i] = set;
   }
-  listen();
   now_ += tick.dt;
-  const auto now_us = static_cast<std::uint32_t>(now_ / 1us);
-  bool answers = false;
-  for (const std::uint8_t byte : std::exchange(input_, {})) {
-    answers = motor_board_take(&firmware_, byte, now_us) || answers;
-  }
+  if (Result<> heard = listen(); !heard) return heard.error();
   firmware_.telemetry.status |= motor_board_charged;
-  motor_board_tick(&firmware_, now_us);
-  if (Result<> sent = radio(); !sent) return sent.error();
-  if (!answers || bytes.size() < motor_board_telemetry_size) return std::size_t{0};
-  return motor_board_answer(&firmware_, now_us, bytes.data());
+  motor_board_tick(&firmware_, now_us());
+  if (!std::exchange(answers_, false) || bytes.size() < motor_board_telemetry_size) return std::size_t{0};
+  return motor_board_answer(&firmware_, now_us(), bytes.data());
+}
+
+std::unique_ptr<Driver> simulated_robot(Setup& setup, SimulatorAddress address) {
+  auto link = std::make_unique<SimulatorLink>(std::move(address), ssl_kinematics(setup.config),
+                                              setup.config.length("wheel_radius", 0.035, {.min = 1e-6}),
+                                              setup.config.number("ticks", 144, {.min = 1}) / (2 * std::numbers::pi));
+  return std::make_unique<SslRobot>(setup, std::move(link), nullptr,
+                                    control::FieldEstimatorConfig{.fix_sd_m = 0.008, .wheels_sd_mps = 0.4});
 }
 
 }  // namespace regista

@@ -10,6 +10,7 @@
 #include <regista/ssl/tracked.hpp>
 #include <regista/vision/config.hpp>
 #include <span>
+#include <string_view>
 #include <variant>
 
 namespace regista::soccer {
@@ -55,7 +56,7 @@ class TeamRobot {
   void chip(double speed_mps, double angle_rad) {
     kicker().chip(static_cast<float>(speed_mps), static_cast<float>(angle_rad));
   }
-  void dribble(double speed_radps) { kicker().dribble(static_cast<float>(speed_radps)); }  ///< positive holds the ball
+  void dribble(double speed_radps);  ///< until told otherwise; positive holds the ball
   void charge(bool on) { kicker().charge(on); }
   /// Charge, ball, kicks; the first use subscribes, and it says something once read() has brought it.
   [[nodiscard]] const kicker::State& kicker_state() { return kicker().state(); }
@@ -80,8 +81,10 @@ class TeamRobot {
 
   TeamRobot(ssl::RobotId id, client::Robot& robot, std::string owner);
   client::KickerProxy& kicker() { return robot_.kicker(); }
-  [[nodiscard]] bool may_command(Time now);
+  [[nodiscard]] bool may_command(Time now) { return may_command(base_, "motion", tried_, now); }
+  [[nodiscard]] bool may_command(const client::ProxyBase& device, std::string_view group, Time& tried, Time now) const;
   void remind(const Pose2d& goal, Time now);
+  void keep_dribbling(Time now);
 
   ssl::RobotId id_;
   client::Robot& robot_;
@@ -91,6 +94,9 @@ class TeamRobot {
   FieldVelocity commanded_;
   std::uint64_t unsent_ = 0;
   Time tried_{};  ///< when it was last commanded although it did not drive for us
+  double dribble_radps_ = 0;
+  Time dribbled_{};          ///< when that was sent last
+  Time tried_to_dribble_{};  ///< likewise
 };
 
 /// A team of the Small Size League and one loop: every robot at its own server, and what the cameras see.
