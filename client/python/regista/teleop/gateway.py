@@ -297,9 +297,10 @@ class Gateway:
             self._tell({"t": "stopped"})
             links = [self._link(message)] if message.get("robot") is not None else list(self._links.values())
             done = await asyncio.gather(*(link.stop() for link in links), return_exceptions=True)
-            for problem in done:
+            for link, problem in zip(links, done, strict=True):
+                # Of a robot that is not there, the page says so already.
                 if isinstance(problem, BaseException) and not isinstance(problem, regista.ConnectionError):
-                    raise problem
+                    link.note(f"STOP: {problem}", severity=2)
             return
         if type_ == "controls":
             if self._pilot is not page:
