@@ -624,8 +624,9 @@ TEST(Connection, a_stop_of_everything_does_not_wait_for_the_answer_that_a_driver
 
 TEST(Connection, a_stop_that_is_not_answered_says_so_as_does_one_whose_connection_ends) {
   const ScriptedServer server{[](Peer& peer) {
-    test::serve(peer, true,
-                [](Peer&, const Message& m) { return m.is(player::code, request_type, player::Stop::message.subtype); });
+    test::serve(peer, true, [](Peer&, const Message& m) {
+      return m.is(player::code, request_type, player::Stop::message.subtype);
+    });
   }};
   Connection connection{"127.0.0.1", server.port(), {.timeout = 100ms}};
   ASSERT_TRUE(connection.connect());
