@@ -701,14 +701,14 @@ function drawHealth(robot: Robot | null, base: string | null): void {
     if (gps && robot.get(gps, "quality") !== null) {
       const fix = ["no fix", "GPS", "differential"][robot.get(gps, "quality") ?? 0] ?? "fix";
       const error = robot.get(gps, "horizontal_error_m");
-      const within = error === null ? "" : `, ±${error.toFixed(2)} m`;
+      const within = error === null || fix === "no fix" ? "" : `, ±${error.toFixed(2)} m`;
       facts.push([
         "GPS",
         `${fix}, ${robot.get(gps, "satellites") ?? "?"} satellites${within}`,
         fix === "no fix" ? "bad" : "",
       ]);
       const degrees = ["latitude", "longitude"].map((path) => ((robot.get(gps, path) ?? 0) / 1e7).toFixed(6));
-      facts.push(["Position", degrees.join(", ")]);
+      if (fix !== "no fix") facts.push(["Position", degrees.join(", ")]);
     }
     if (robot.get(base, "stalled")) facts.push(["Wheels", "they turn, but the base does not move", "bad"]);
     const driver = robot.driver(base);
