@@ -640,7 +640,7 @@ function drawKicker(robot: Robot | null): void {
   if (!robot || !device) return;
   const charged = robot.get(device, "charged") ? "charged" : "not charged";
   const ball = robot.get(device, "ball_detected") ? ", has the ball" : "";
-  setText("kicker-state", `${charged}${ball}, ${robot.get(device, "kick_count") ?? 0} kicks`);
+  setText("kicker-state", `${charged}${ball}, ${several(robot.get(device, "kick_count") ?? 0, "kick")}`);
 }
 
 function drawRelays(robot: Robot | null): void {
@@ -696,7 +696,7 @@ function drawHealth(robot: Robot | null, base: string | null): void {
       facts.push(["Vision", robot.vision + age, /good|unused/.test(robot.vision) ? "" : "warn"]);
     }
     if (robot.place) facts.push(["Place", robot.place, /^tracking/.test(robot.place) ? "" : "warn"]);
-    if (world.visionTrouble) facts.push(["Cameras", world.visionTrouble, "warn"]);
+    if (world.visionTrouble && !robot.device("gps")) facts.push(["Cameras", world.visionTrouble, "warn"]);
     const gps = robot.device("gps")?.address;
     if (gps && robot.get(gps, "quality") !== null) {
       const fix = ["no fix", "GPS", "differential"][robot.get(gps, "quality") ?? 0] ?? "fix";
