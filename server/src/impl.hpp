@@ -101,6 +101,8 @@ class Server::Impl final : public SessionOwner {
   void event(std::uint8_t severity, const std::string& text, const player::DeviceAddress& address = {});
 
   // To drivers.
+  /// It learns whose requests these are.
+  void introduce(const Session& session, Hosted& hosted);
   /// What must not be lost waits here when the driver's queue is full.
   void must_deliver(Hosted& hosted, Inbound&& inbound);
   void deliver_undelivered(Hosted& hosted);

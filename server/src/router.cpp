@@ -176,9 +176,7 @@ void Server::Impl::subscribe(Session& session, const xdr::Header& header, const 
                    (name.empty() ? "interface " + std::to_string(request.address.interface) : std::string{name}) + ':' +
                        std::to_string(request.address.index) + " does not exist here"});
   }
-  must_deliver(drivers_[target->driver], {.session = session.id(),
-                                          .arrived = Clock::now(),
-                                          .message = Identity{session.name, session.priority, session.extended}});
+  introduce(session, drivers_[target->driver]);
   ask_driver(session, header, *target, AnyRequest{request});
 }
 
@@ -240,16 +238,14 @@ void Server::Impl::ask_server(Session& session, const xdr::Header& header, AnyRe
     session.priority = who->priority;
     std::set<std::size_t> told;
     for (const auto& [driver, port] : session.opened) told.insert(driver);
-    for (const std::size_t driver : told) {
-      must_deliver(drivers_[driver], {.session = session.id(),
-                                      .arrived = Clock::now(),
-                                      .message = Identity{session.name, session.priority, session.extended}});
-    }
+    for (const std::size_t driver : told) introduce(session, drivers_[driver]);
     return acknowledge(session, header, Empty{});
   }
   if (const auto* stop = std::get_if<player::Stop>(&request)) {
     if (stop->address.interface != 0) return forward(stop->address);
+    session.known_to_all = true;
     for (Hosted& hosted : drivers_) {
+      introduce(session, hosted);
       for (std::size_t port = 0; port < hosted.ports.size(); ++port) {
         must_deliver(hosted,
                      {.session = session.id(), .port = port, .arrived = Clock::now(), .message = AnyRequest{*stop}});
@@ -281,9 +277,9 @@ void Server::Impl::on_end_of_input(Session& session) {
     hosts.insert(driver);
   }
   session.opened.clear();
-  // Also to drivers that it asked without success: they know its name.
+  // Also to drivers that it asked without success, or stopped: they know its name.
   for (std::size_t i = 0; i < drivers_.size(); ++i) {
-    if (hosts.contains(i) || session.requests_waiting > 0) {
+    if (hosts.contains(i) || session.requests_waiting > 0 || session.known_to_all) {
       must_deliver(drivers_[i], {.session = session.id(), .arrived = Clock::now(), .message = Gone{}});
     }
   }
@@ -293,6 +289,12 @@ void Server::Impl::on_closed(Session& session, const std::string& reason) {
   if (!reason.empty()) event(1, "client " + std::to_string(session.id()) + " closed: " + reason);
   data_dropped_ += session.data_dropped;
   asio::post(io_, [this, id = session.id()] { sessions_.erase(id); });
+}
+
+void Server::Impl::introduce(const Session& session, Hosted& hosted) {
+  must_deliver(hosted, {.session = session.id(),
+                        .arrived = Clock::now(),
+                        .message = Identity{session.name, session.priority, session.extended}});
 }
 
 void Server::Impl::must_deliver(Hosted& hosted, Inbound&& inbound) {

@@ -106,6 +106,7 @@ class Session : public std::enable_shared_from_this<Session> {
   bool extended = false;
   std::set<std::pair<std::size_t, std::size_t>> opened;  ///< driver and port
   std::size_t requests_waiting = 0;                      ///< answers that drivers owe
+  bool known_to_all = false;                             ///< drivers: it stopped them, by name
 
   // Counted for the status.
   std::uint64_t messages_in = 0;

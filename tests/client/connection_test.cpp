@@ -592,6 +592,53 @@ TEST(Connection, connects_and_asks_from_an_event_loop_without_blocking) {
   EXPECT_EQ(connection.generation(), 1u);
 }
 
+TEST(Connection, a_stop_of_everything_does_not_wait_for_the_answer_that_a_driver_owes) {
+  std::optional<Message> owed;
+  const ScriptedServer server{[&owed](Peer& peer) {
+    test::serve(peer, true, [&owed](Peer& p, const Message& m) {
+      if (m.is(opaque::code, request_type, 1)) {
+        owed = m;
+        return true;
+      }
+      if (!m.is(player::code, request_type, player::Stop::message.subtype)) return false;
+      const bool everything = m.body.u32_at(8) == 0;
+      if (everything) p.ack(m, "");
+      if (everything && owed) p.ack(*owed, owed->body);
+      return true;
+    });
+  }};
+  Connection connection{"127.0.0.1", server.port(), {.timeout = 2s}};
+  ASSERT_TRUE(connection.connect());
+  std::vector<std::string> answered;
+  const auto note = [&](std::string what) {
+    return [&answered, what](Result<std::span<const std::byte>> body) { answered.push_back(body ? what : "none"); };
+  };
+  ASSERT_TRUE(connection.post({opaque::code, 2}, opaque::Request{{1, 2, 3}}, note("question")));
+  EXPECT_EQ(connection.post(server_address, player::Stop{{.interface = 4}}, note("one")).error().code, Errc::busy);
+  ASSERT_TRUE(connection.post(server_address, player::Stop{}, note("stop")));
+  EXPECT_EQ(connection.post(server_address, player::Stop{}, note("again")).error().code, Errc::busy);
+  const Time end = Clock::now() + 2s;
+  while (answered.size() < 2 && Clock::now() < end) ASSERT_TRUE(connection.read(10ms));
+  EXPECT_EQ(answered, (std::vector<std::string>{"stop", "question"}));
+}
+
+TEST(Connection, a_stop_that_is_not_answered_says_so_as_does_one_whose_connection_ends) {
+  const ScriptedServer server{[](Peer& peer) {
+    test::serve(peer, true, [](Peer&, const Message& m) {
+      return m.is(player::code, request_type, player::Stop::message.subtype);
+    });
+  }};
+  Connection connection{"127.0.0.1", server.port(), {.timeout = 100ms}};
+  ASSERT_TRUE(connection.connect());
+  EXPECT_EQ(connection.request(server_address, player::Stop{}).error().code, Errc::no_answer);
+  std::optional<std::error_code> told;
+  const auto note = [&](const Result<std::span<const std::byte>>& body) { told = body.error().code; };
+  ASSERT_TRUE(connection.post(server_address, player::Stop{}, note));
+  EXPECT_LT(connection.wake_time(), Clock::now() + 110ms);
+  connection.abandon();
+  EXPECT_EQ(told, Errc::lost);
+}
+
 TEST(Connection, read_keeps_to_its_time) {
   const ScriptedServer server{[](Peer& peer) { test::serve(peer, false); }};
   Connection connection{"127.0.0.1", server.port(), {.timeout = 2s}};

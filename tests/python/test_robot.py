@@ -190,7 +190,16 @@ def test_status_events_counters(robot):
     base.set_velocity(x=0.1)
     until(robot, lambda: base.count > 10)
     robot.stop()
-    until(robot, lambda: any("asked for a stop" in event.text for event in robot.events()))
+    until(robot, lambda: any('"test@python" asked for a stop' in event.text for event in robot.events()))
+
+
+def test_a_stop_says_who_asked_for_it_also_when_it_has_opened_nothing(robot, port):
+    base = robot.position2d()
+    base.set_velocity(x=0.1)
+    until(robot, lambda: base.motion().owner == "test@python")
+    with regista.Robot("127.0.0.1", port, name="umpire@field") as umpire:
+        umpire.stop()
+    until(robot, lambda: base.motion().reason == '"umpire@field" asked for a stop')
 
 
 def test_not_finite_is_refused_at_once(robot):

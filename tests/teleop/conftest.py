@@ -16,6 +16,7 @@ sys.path.append(str(ROOT / "tests/cli"))
 from command_line import Server  # noqa: E402
 from gateway import Gateway, serving  # noqa: E402
 
+AXE = os.environ.get("AXE")
 VIEW = {"width": 1280, "height": 800}
 
 
@@ -81,3 +82,23 @@ def visit(browser):
     yield open_page
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def accessible():
+    """What axe finds in a page as it stands, dark and light, is an error; the page is left as it was."""
+
+    def check(page):
+        if AXE is None:
+            return
+        page.evaluate(Path(AXE).read_text())
+        found = []
+        for _ in range(2):
+            found += page.evaluate(
+                "axe.run().then(r => r.violations.map(v => [document.documentElement.dataset.theme, v.id,"
+                " v.nodes.map(n => n.target.join(' ') + ': ' + n.failureSummary)]))"
+            )
+            page.locator("#theme").click()
+        assert found == []
+
+    return check

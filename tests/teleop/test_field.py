@@ -73,7 +73,7 @@ def ahead(ask, field, *distances):
     return [(pose.x + d * math.cos(pose.heading), pose.y + d * math.sin(pose.heading)) for d in distances]
 
 
-def test_the_planner_drives_the_way_points_pauses_and_goes_on(page, field, seen, ask):
+def test_the_planner_drives_the_way_points_pauses_and_goes_on(page, field, seen, ask, accessible):
     points = ahead(ask, field, 1.0, 2.0)
     upload(page, *points)
     page.locator("#driver", has_text="driven by planner:0 for you").wait_for()
@@ -84,6 +84,7 @@ def test_the_planner_drives_the_way_points_pauses_and_goes_on(page, field, seen,
     wait_for(lambda: ask().state is planner.MissionState.paused)
     seen.wait(lambda s: s.state == "stopped")
     page.locator("#reason", has_text="you paused it").wait_for()
+    accessible(page)
     page.locator("#mission-resume").click()
     page.locator("#mission-state", has_text="done 2 of 2").wait_for()
     assert ask().state is planner.MissionState.finished

@@ -49,7 +49,7 @@ def place(page):
     return float(found[1]) if found else None
 
 
-def test_a_recording_is_paused_and_sought_and_played_faster(gateway, visit, tmp_path):
+def test_a_recording_is_paused_and_sought_and_played_faster(gateway, visit, accessible, tmp_path):
     record(tmp_path / "lap.mcap", drives)
     page = visit(gateway)
     play(page, "lap.mcap")
@@ -65,6 +65,7 @@ def test_a_recording_is_paused_and_sought_and_played_faster(gateway, visit, tmp_
     wait_for(lambda: place(page) == pytest.approx(10 * SPEED, abs=0.1))
     page.wait_for_timeout(500)  # half a second in the text, unless it pauses
     assert page.locator("#player-text").inner_text() == "10.0 of 59.9 s"
+    accessible(page)
     page.locator("#player-rate").select_option("20")
     page.locator("#player-pause").click()
     wait_for(lambda: place(page) > 20 * SPEED)

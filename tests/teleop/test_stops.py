@@ -5,13 +5,18 @@ The times are printed (pytest -rP): on an idle machine those of the page are bel
 busy one, too: the robot slowed down before the server's lease would have made it, or just when it did.
 """
 
+import contextlib
+import re
 import signal
+import threading
 import time
 
+import pytest
 import regista
 from command_line import ROOT, Server, owned, wait_for
 from observer import Observer
 from test_driving import PAD
+from test_reasons import FAULTS
 
 LEASE = 500  # ms, in examples/sim.cfg
 HIDE = """
@@ -230,3 +235,90 @@ def test_a_robot_that_was_stopped_by_others_says_by_whom(shared, visit):
             page.locator("#log", has_text='stopped: "umpire" asked for a stop').wait_for()
             page.locator("#reason", has_text="umpire").wait_for()
         page.keyboard.up("w")
+
+
+@contextlib.contextmanager
+def driven(server):
+    """A program drives ahead, and does not let go for a STOP."""
+    end = threading.Event()
+
+    def drive():
+        with regista.Robot("127.0.0.1", server.port, name="nav@laptop") as robot:
+            base = robot.position2d()
+            while not end.is_set():
+                base.set_velocity(x=0.5)
+                robot.read(timeout=0.02)
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()
+
+
+OWES = """
+driver ( name "simulated_base" provides ["position2d:0"] rate 100 lease 2 motor_speed 1.5 motor_accel 3 )
+driver
+(
+  name "fake_base" provides ["position2d:1"] log "{log}"
+  fault "hang" at "request" after {after} seconds {seconds}
+)
+"""
+
+
+@pytest.fixture
+def owing(tmp_path):
+    """A robot with a second base, whose driver hangs over a question for so long [s] after so many."""
+    with contextlib.ExitStack() as stack:
+
+        def start_one(after, seconds):
+            config, log = tmp_path / "owing.cfg", tmp_path / "owing.log"
+            log.touch()
+            config.write_text(OWES.format(log=log, after=after, seconds=seconds))
+            server = stack.enter_context(Server(config, options=["--plugins", FAULTS, "--"]))
+            return server, lambda: wait_for(lambda: log.read_text().count("request") > after)
+
+        yield start_one
+
+
+def test_stop_goes_out_at_once_while_a_driver_owes_an_answer(owing, start, visit):
+    server, asked = owing(after=1, seconds=20)  # the first is asked when the gateway connects
+    with driven(server), Observer(server) as seen:
+        page = visit(start(server), script=STAMPS, ready=False)
+        page.locator("#driver", has_text="driven by nav@laptop").wait_for()
+        seen.wait_driving()
+        page.locator("#record").click()  # asks every device how large it is
+        asked()
+        page.keyboard.press("Space")
+        reason = stopped("space bar, while a driver owes an answer", seen, told(page), limit=LEASE)
+        assert re.search('"teleop .*" asked for a stop', reason)
+
+
+def test_stop_goes_out_at_once_while_the_robot_is_being_opened(owing, start, visit):
+    server, asked = owing(after=0, seconds=20)
+    with driven(server), Observer(server) as seen:
+        seen.wait_driving()
+        page = visit(start(server), script=STAMPS, ready=False)
+        asked()
+        page.locator("#controls").wait_for(state="hidden")
+        page.keyboard.press("Space")
+        reason = stopped("space bar, while the robot is being opened", seen, told(page), limit=LEASE)
+        assert re.search('"teleop .*" asked for a stop', reason)
+
+
+def test_a_destination_ends_at_once_while_a_driver_owes_an_answer(owing, start, visit):
+    server, asked = owing(after=1, seconds=20)
+    with Observer(server) as seen:
+        page = visit(start(server), script=STAMPS)
+        page.locator("#go-x").fill("20")
+        page.locator("#go button[type=submit]").click()
+        seen.wait_driving()
+        page.locator("#record").click()
+        asked()
+        page.evaluate(HIDE)
+        since = told(page)
+        stopped("page hidden, on the way, while a driver owes an answer", seen, since)
+        rest = next(s for s in seen.samples if s[0] > since and s[4] < 0.1)
+        assert rest[1] == "driving", "the lease acted, not the gateway"

@@ -190,7 +190,9 @@ void Connection::subscribe_step(Address address) {
 
 void Connection::close() {
   bool polite = connected();
-  while (polite && in_flight_) polite = bool{take_in(in_flight_->deadline)};
+  for (const Slot* slot : {&in_flight_, &stop_}) {
+    while (polite && *slot) polite = bool{take_in((*slot)->deadline)};
+  }
   for (auto it = subscriptions_.rbegin(); polite && it != subscriptions_.rend(); ++it) {
     if (it->open && it->address != server_address) {
       polite = bool{exchange(server_address, subscribe_request(it->address, player::Access::close))};
@@ -213,7 +215,9 @@ void Connection::drop(const regista::Error& error) {
   error_ = error;
   backlog_.clear();
   for (Subscription& subscription : subscriptions_) subscription.open = subscription.address == server_address;
-  if (in_flight_) finish(error);
+  for (Slot* slot : {&in_flight_, &stop_}) {
+    if (*slot) finish(*slot, error);
+  }
 }
 
 regista::Error Connection::fail(regista::Error error) {
@@ -289,18 +293,25 @@ Result<> Connection::send(Address to, const AnyCommand& command) {
 }
 
 Result<> Connection::begin(Address to, const AnyRequest& request, OnReply on_reply) {
-  if (in_flight_) return regista::Error{Errc::busy, ""};
+  Slot& slot = slot_for(request);
+  if (slot) return regista::Error{Errc::busy, ""};
   const auto [subtype, name] =
       std::visit([]<typename M>(const M&) { return std::pair{M::message.subtype, M::message.name}; }, request);
   sequence_ = std::max(sequence_ + 1, 1u);  // 0 is what a stock driver answers
   if (const Result<> sent = transmit(to, request, sequence_); !sent) return sent;
-  in_flight_ = InFlight{.address = to,
-                        .subtype = subtype,
-                        .sequence = sequence_,
-                        .deadline = state_ == State::ready ? later(Clock::now(), options_.timeout) : attempt_until_,
-                        .name = name,
-                        .on_reply = std::move(on_reply)};
+  slot = InFlight{.address = to,
+                  .subtype = subtype,
+                  .sequence = sequence_,
+                  .deadline = state_ == State::ready ? later(Clock::now(), options_.timeout) : attempt_until_,
+                  .name = name,
+                  .on_reply = std::move(on_reply)};
   return {};
+}
+
+/// The server itself answers a STOP of everything, whatever its drivers owe.
+Connection::Slot& Connection::slot_for(const AnyRequest& request) {
+  const auto* stop = std::get_if<player::Stop>(&request);
+  return stop != nullptr && stop->address.interface == 0 ? stop_ : in_flight_;
 }
 
 Result<> Connection::post(Address to, const AnyRequest& request, OnReply on_reply) {
@@ -309,8 +320,9 @@ Result<> Connection::post(Address to, const AnyRequest& request, OnReply on_repl
 }
 
 Result<std::vector<std::byte>> Connection::exchange(Address to, const AnyRequest& request) {
-  while (connected() && in_flight_) {
-    if (const Result<> taken = take_in(in_flight_->deadline); !taken) return taken.error();
+  Slot& slot = slot_for(request);
+  while (connected() && slot) {
+    if (const Result<> taken = take_in(slot->deadline); !taken) return taken.error();
   }
   std::optional<Result<std::vector<std::byte>>> answer;
   const Result<> sent = post(to, request, [&](Result<std::span<const std::byte>> body) {
@@ -322,11 +334,11 @@ Result<std::vector<std::byte>> Connection::exchange(Address to, const AnyRequest
   });
   if (!sent) return sent.error();
   while (!answer) {
-    Result<> taken = take_in(in_flight_->deadline);
+    Result<> taken = take_in(slot->deadline);
     // A signal may also have come while data did.
     if (taken && !answer && interrupted()) taken = interruption();
     if (!taken && !answer) {
-      if (in_flight_) in_flight_->on_reply = [](const auto&) {};  // nobody waits for it any more
+      if (slot) slot->on_reply = [](const auto&) {};  // nobody waits for it any more
       return taken.error();
     }
   }
@@ -584,13 +596,15 @@ void Connection::take_data(const xdr::Frame& frame, Time now) {
 void Connection::take_reply(const xdr::Frame& frame) {
   const xdr::Header& header = frame.header;
   const Address from{header.address.interface, header.address.index};
-  const bool awaited = in_flight_ && in_flight_->address == from && in_flight_->subtype == header.subtype &&
-                       (header.sequence == 0 || header.sequence == in_flight_->sequence);
-  if (awaited) {
+  const auto awaits = [&](const Slot& slot) {
+    return slot && slot->address == from && slot->subtype == header.subtype &&
+           (header.sequence == 0 || header.sequence == slot->sequence);
+  };
+  if (Slot* slot = awaits(in_flight_) ? &in_flight_ : awaits(stop_) ? &stop_ : nullptr) {
     if (header.kind == Kind::ack) {
-      finish(frame.body);
+      finish(*slot, frame.body);
     } else {
-      finish(refusal(frame.body, extended()));
+      finish(*slot, refusal(frame.body, extended()));
     }
   } else if (from == server_address && header.subtype == player::GetData::message.subtype) {
     if (header.kind == Kind::nack) armed_ = false;
@@ -599,8 +613,8 @@ void Connection::take_reply(const xdr::Frame& frame) {
   }
 }
 
-void Connection::finish(Result<std::span<const std::byte>> body) {
-  const OnReply on_reply = std::move(std::exchange(in_flight_, std::nullopt)->on_reply);
+void Connection::finish(Slot& slot, Result<std::span<const std::byte>> body) {
+  const OnReply on_reply = std::move(std::exchange(slot, std::nullopt)->on_reply);
   on_reply(body);
 }
 
@@ -617,9 +631,11 @@ void Connection::on_time(Time now) {
     }
     return;
   }
-  if (in_flight_) {
+  if (in_flight_ || stop_) {
     heard_ = now;  // an answer is being waited for already
-    if (now >= in_flight_->deadline) finish(regista::Error{Errc::no_answer, text(options_.timeout)});
+    for (Slot* slot : {&in_flight_, &stop_}) {
+      if (*slot && now >= (*slot)->deadline) finish(*slot, regista::Error{Errc::no_answer, text(options_.timeout)});
+    }
     return;
   }
   if (!probed_at_) {
@@ -644,7 +660,8 @@ Time Connection::wake_time() const {
     case State::ready:
       break;
   }
-  if (in_flight_) return in_flight_->deadline;
+  if (in_flight_ && stop_) return std::min(in_flight_->deadline, stop_->deadline);
+  if (in_flight_ || stop_) return in_flight_ ? in_flight_->deadline : stop_->deadline;
   return probed_at_.value_or(heard_) + options_.timeout / 2;
 }
 

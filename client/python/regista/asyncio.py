@@ -13,7 +13,7 @@
 
 What has to wait is awaited; what only sends or looks is called. The loop watches the robot's socket: there is no
 thread, but for the moments of connecting and closing. Commands and values come while others wait; of requests there is
-one after the other.
+one after the other, but `stop()` waits for none of them.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Robot:
             reconnect=reconnect,
         )
         self._devices: dict[str, Device[Any]] = {}
-        self._asking = asyncio.Lock()
+        self._asking, self._stopping = asyncio.Lock(), asyncio.Lock()
         self._watched: tuple[int, int] | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._failure: Exception | None = None
@@ -148,11 +148,15 @@ class Robot:
         return True
 
     async def stop(self) -> None:
-        """Bring every device to rest, whoever drives it. On a stock server: the position2d devices in use."""
+        """Bring every device to rest, whoever drives it. On a stock server: the position2d devices in use.
+
+        Goes out at once, also while a driver owes another request its answer.
+        """
         if self._robot.extended:
             for device in self._devices.values():
                 device.proxy.keep_alive(False)
-            await self._ask(player.Stop())
+            async with self._stopping:
+                await self._answer(functools.partial(self._robot._core.post, player.Stop()))
             return
         for device in self._devices.values():
             if isinstance(device, Position2d):
@@ -198,7 +202,7 @@ class Robot:
             return cast(R, await self._answer(functools.partial(self._robot._core.post, request)))
 
     async def _answer(self, post: Callable[[_Reply], object]) -> Any:
-        """Of a request; `_asking` is held."""
+        """Of a request; `_asking` is held, or `_stopping`."""
         if self._failure is not None:
             raise self._failure
         reply: asyncio.Future[Any] = self._loop.create_future()

@@ -1,58 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 import "./style.css";
-import {
-  AXES,
-  BUTTONS,
-  Grip,
-  isDirection,
-  keysVelocity,
-  type Limits,
-  type PadMapping,
-  type PadState,
-  padVelocity,
-  pressed,
-  readMapping,
-  stickVelocity,
-  XBOX,
-} from "./input";
+import { button, element, isPressed, make, press, setText } from "./dom";
+import { Grip, isDirection, keysVelocity, type Limits, stickVelocity } from "./input";
 import { color, FieldMap, type Tool } from "./map";
+import { Pad } from "./pad";
 import { Plots } from "./plots";
-import type { FromGateway, FromWorker, Motion, Playing, Point, ToWorker, Velocity } from "./protocol";
+import type { FromGateway, FromWorker, Playing, Point, ToWorker, Velocity } from "./protocol";
 import { type Entry, type Robot, World } from "./robots";
-
-function element<T extends HTMLElement = HTMLElement>(id: string): T {
-  return document.getElementById(id) as T;
-}
-
-function setText(id: string, text: string): void {
-  const found = element(id);
-  if (found.textContent !== text) found.textContent = text;
-}
-
-function press(id: string, on: boolean): void {
-  element(id).setAttribute("aria-pressed", String(on));
-}
-
-function isPressed(button: string | Element): boolean {
-  const found = typeof button === "string" ? element(button) : button;
-  return found.getAttribute("aria-pressed") === "true";
-}
-
-function make(tag: string, text = "", className = ""): HTMLElement {
-  const made = document.createElement(tag);
-  made.textContent = text;
-  made.className = className;
-  return made;
-}
-
-/** `label` says more than `text` to those who do not see it. */
-function button(text: string, label: string, click: () => void): HTMLElement {
-  const made = make("button", text, "quiet") as HTMLButtonElement;
-  made.type = "button";
-  if (label) made.setAttribute("aria-label", label);
-  made.addEventListener("click", click);
-  return made;
-}
+import { battery, fixed, milliseconds, owners, several, standing } from "./standing";
 
 // ---- The gateway
 
@@ -187,10 +142,6 @@ function take(message: FromGateway): void {
 const grip = new Grip();
 const keys = new Set<string>();
 const stick = { on: false, right: 0, up: 0 };
-let padMapping: PadMapping = readMapping(localStorage.getItem("mapping"));
-let padBefore: PadState | null = null;
-let padIndex: number | null = null;
-let padLearns: keyof PadMapping | null = null;
 let drives: Velocity | null = null;
 let wanted = ""; // the robot to choose again when the gateway is back
 
@@ -316,97 +267,17 @@ for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
 
 // The gamepad
 
-function readPad(): PadState | null {
-  const pads = navigator.getGamepads().filter((pad) => pad?.connected);
-  const pad = pads.find((one) => one?.index === padIndex) ?? pads[0] ?? null;
-  padIndex = pad?.index ?? null;
-  setText("pad-name", pad ? pad.id.replace(/\s*\(.*$/, "") : "none");
-  return pad ? { axes: [...pad.axes], buttons: pad.buttons.map((one) => one.pressed) } : null;
-}
-
+const pad = new Pad((action) => {
+  if (action === "stop") stopAll();
+  else if (action === "dribble") element("dribble").click();
+  else kick(action);
+});
 function pollPad(): void {
-  const pad = readPad();
-  if (pad) {
-    const went = pressed(padBefore, pad);
-    if (padLearns) learn(pad, went);
-    else for (const number of went) padButton(number);
-    grip.set("pad", padVelocity(pad, padMapping, limits()));
-  } else {
-    grip.set("pad", null);
-  }
-  padBefore = pad;
-}
-
-function padButton(number: number): void {
-  if (number === padMapping.stop) stopAll();
-  else if (number === padMapping.kick) kick("kick");
-  else if (number === padMapping.chip) kick("chip");
-  else if (number === padMapping.dribble) element("dribble").click();
-}
-
-function learn(pad: PadState, went: number[]): void {
-  const isAxis = (AXES as readonly string[]).includes(padLearns as string);
-  const axis = pad.axes.findIndex((value, i) => Math.abs(value) > 0.7 && Math.abs(padBefore?.axes[i] ?? 1) <= 0.7);
-  const found = isAxis ? axis : (went[0] ?? -1);
-  if (found < 0) return;
-  padMapping = { ...padMapping, [padLearns as string]: found };
-  padLearns = null;
-  localStorage.setItem("mapping", JSON.stringify(padMapping));
-  drawMapping();
-}
-
-window.addEventListener("gamepaddisconnected", () => {
-  pollPad();
+  grip.set("pad", pad.poll(limits()));
   hold();
-});
-setInterval(() => {
-  pollPad();
-  hold();
-}, 20);
-
-const PAD_NAMES: Record<string, string> = {
-  ahead: "Ahead, back",
-  side: "Sideways",
-  turn: "Turn",
-  hold: "Dead-man button",
-  turbo: "Fast",
-  slow: "Slow",
-  stop: "STOP",
-  kick: "Kick",
-  chip: "Chip",
-  dribble: "Dribble",
-};
-const XBOX_BUTTONS = ["A", "B", "X", "Y", "LB", "RB", "LT", "RT", "View", "Menu", "L stick", "R stick"];
-const XBOX_AXES = ["left stick across", "left stick along", "right stick across", "right stick along"];
-
-function drawMapping(): void {
-  const names: (keyof PadMapping)[] = [...AXES, ...BUTTONS];
-  setText("pad-hold", XBOX_BUTTONS[padMapping.hold] ?? `button ${padMapping.hold}`);
-  const rows = names.flatMap((name) => {
-    const number = padMapping[name];
-    const isAxis = (AXES as readonly string[]).includes(name);
-    const has = isAxis ? (XBOX_AXES[number] ?? `axis ${number}`) : (XBOX_BUTTONS[number] ?? `button ${number}`);
-    const text = padLearns !== name ? has : isAxis ? "move it …" : "press it …";
-    const change = button(text, `${PAD_NAMES[name]}: ${text}`, () => {
-      padLearns = padLearns === name ? null : name;
-      drawMapping();
-    });
-    return [make("span", PAD_NAMES[name] as string), change];
-  });
-  const expo = make("input") as HTMLInputElement;
-  Object.assign(expo, { type: "range", min: "0", max: "1", step: "0.05", value: String(padMapping.expo) });
-  expo.setAttribute("aria-label", "Expo: fine near the middle");
-  expo.addEventListener("input", () => {
-    padMapping.expo = Number(expo.value);
-    localStorage.setItem("mapping", JSON.stringify(padMapping));
-  });
-  element("mapping").replaceChildren(...rows, make("span", "Expo"), expo);
 }
-element("mapping-reset").addEventListener("click", () => {
-  padMapping = { ...XBOX };
-  localStorage.removeItem("mapping");
-  drawMapping();
-});
+window.addEventListener("gamepaddisconnected", pollPad);
+setInterval(pollPad, 20);
 
 // ---- Buttons
 
@@ -519,10 +390,10 @@ element("mission-cancel").addEventListener("click", () => {
 });
 
 function describe([x, y, heading]: Point): string {
-  const turn = heading === null ? "" : `, ${((heading * 180) / Math.PI).toFixed(0)}°`;
+  const turn = heading === null ? "" : `, ${fixed((heading * 180) / Math.PI, 0)}°`;
   const place = world.robot?.geographic(x, y);
   const earth = place ? ` (${place.latitude.toFixed(6)}, ${place.longitude.toFixed(6)})` : "";
-  return `${x.toFixed(2)}, ${y.toFixed(2)} m${turn}${earth}`;
+  return `${fixed(x, 2)}, ${fixed(y, 2)} m${turn}${earth}`;
 }
 
 function drawMission(): void {
@@ -691,84 +562,11 @@ function drawRobots(): void {
   );
 }
 
-function battery(robot: Robot): { percent: number | null; volts: number | null } {
-  const device = robot.device("power")?.address;
-  if (!device) return { percent: null, volts: null };
-  const valid = robot.get(device, "valid") ?? 0; // power::Valid: 1 volts, 8 percent
-  return {
-    percent: valid & 8 ? robot.get(device, "charge_percent") : null,
-    volts: valid & 1 ? robot.get(device, "voltage_v") : null,
-  };
-}
-
-function milliseconds(ms: number): string {
-  return ms < 1 ? "<1 ms" : ms < 1000 ? `${ms.toFixed(0)} ms` : `${(ms / 1000).toFixed(1)} s`;
-}
-
-interface Standing {
-  state: string;
-  driver: string;
-  reason: string;
-  level: "good" | "idle" | "warn" | "bad";
-}
-
-/** Who drives the chosen robot and why it stands, in words. */
-function standing(robot: Robot | null): Standing {
-  if (!connected) {
-    const reason = everConnected ? "regista teleop has ended or cannot be reached: start it again" : "";
-    return { state: everConnected ? "NO GATEWAY" : "CONNECTING", driver: "", reason, level: "bad" };
-  }
-  if (!robot) return { state: "NO ROBOT", driver: "", reason: "name one: regista teleop HOST[:PORT]", level: "bad" };
-  if (!robot.connected) return { state: "NOT CONNECTED", driver: robot.label, reason: robot.why, level: "bad" };
-  const base = robot.base;
-  if (!base) return { state: "NO BASE", driver: robot.label, reason: "it has no position2d device", level: "idle" };
-  const trouble = robot.devices.find((device) => device.address === base)?.trouble;
-  if (trouble) return { state: "FAULT", driver: robot.label, reason: trouble, level: "bad" };
-  if (!robot.extended) {
-    return { state: "STOCK PLAYER", driver: robot.label, reason: "it does not tell who drives", level: "idle" };
-  }
-  const motion = robot.motion(base);
-  if (!motion) return { state: "…", driver: robot.label, reason: "", level: "idle" };
-  const levels = { driving: "good", stopping: "warn", stopped: "idle", fault: "bad" } as const;
-  const reasons = motion.state === "driving" ? [] : [motion.reason];
-  if (robot.motorsOff) reasons.unshift("the motors are off: switch Motor power on, under Health");
-  else if (robot.refusal && performance.now() - robot.refusal.at < REFUSAL_MS && (drives || motion.state === "stopped"))
-    reasons.unshift(robot.refusal.text);
-  if (robot.driver(base)?.hung) reasons.unshift("its driver hangs");
-  const { mission, planner } = robot;
-  if (planner && mission && motion.state === "stopped" && !motion.owner && mission.state !== "running")
-    reasons.unshift(`mission ${mission.state}${mission.reason && `: ${mission.reason}`}`);
-  return {
-    state: motion.state.toUpperCase(),
-    driver: `${robot.label} · driven by ${driverOf(robot, motion)}`,
-    reason: reasons.join(" · "),
-    level: reasons.some((reason) => /^no command for| refused: |^the motors are off/.test(reason))
-      ? "warn"
-      : levels[motion.state],
-  };
-}
-const REFUSAL_MS = 6000; // the server tells of refusals once in five seconds
-
-function driverOf(robot: Robot, motion: Motion): string {
-  const { planner } = robot;
-  const mission = planner ? robot.motion(planner, "mission") : undefined;
-  const who = ({ owner, owner_priority }: Motion) =>
-    owner === myName ? "you" : owner ? `${owner} (priority ${owner_priority})` : "nobody";
-  if (planner && mission?.owner && motion.owner === robot.driver(planner)?.name)
-    return `${planner} for ${who(mission)}`;
-  return who(motion);
-}
-
-/** Whom to take it from, or to give it back: the base, or the mission that drives it, has an owner. */
-function owners(robot: Robot | null): string[] {
-  if (!robot?.base) return [];
-  const motions = [robot.motion(robot.base), robot.planner ? robot.motion(robot.planner, "mission") : undefined];
-  return motions.flatMap((motion) => (motion?.owner ? [motion.owner] : []));
-}
-
 function drawPanels(): void {
   const robot = world.robot;
-  const now = standing(robot);
+  const seat = { connected, everConnected, myName, drives: drives !== null, played: playing?.robot ?? null };
+  const now = standing(world, seat, performance.now());
+  document.body.classList.toggle("plays", robot !== null && robot.number === playing?.robot);
   setText("state", now.state);
   element("state").dataset.level = now.level;
   setText("driver", now.driver);
@@ -830,10 +628,10 @@ function drawMotion(robot: Robot | null, base: string | null): void {
     return;
   }
   const [vx, vy, w] = ["velocity.x", "velocity.y", "velocity.w"].map((path) => robot.get(base, path) ?? 0);
-  const place = `x ${pose.x.toFixed(2)}  y ${pose.y.toFixed(2)} m  ${((pose.heading * 180) / Math.PI).toFixed(0)}°`;
+  const place = `x ${fixed(pose.x, 2)}  y ${fixed(pose.y, 2)} m  ${fixed((pose.heading * 180) / Math.PI, 0)}°`;
   setText(
     "moving",
-    `${place}   ${Math.hypot(vx as number, vy as number).toFixed(2)} m/s  ${(w as number).toFixed(2)} rad/s`,
+    `${place}   ${Math.hypot(vx as number, vy as number).toFixed(2)} m/s  ${fixed(w as number, 2)} rad/s`,
   );
 }
 
@@ -842,7 +640,7 @@ function drawKicker(robot: Robot | null): void {
   if (!robot || !device) return;
   const charged = robot.get(device, "charged") ? "charged" : "not charged";
   const ball = robot.get(device, "ball_detected") ? ", has the ball" : "";
-  setText("kicker-state", `${charged}${ball}, ${robot.get(device, "kick_count") ?? 0} kicks`);
+  setText("kicker-state", `${charged}${ball}, ${several(robot.get(device, "kick_count") ?? 0, "kick")}`);
 }
 
 function drawRelays(robot: Robot | null): void {
@@ -898,23 +696,23 @@ function drawHealth(robot: Robot | null, base: string | null): void {
       facts.push(["Vision", robot.vision + age, /good|unused/.test(robot.vision) ? "" : "warn"]);
     }
     if (robot.place) facts.push(["Place", robot.place, /^tracking/.test(robot.place) ? "" : "warn"]);
-    if (world.visionTrouble) facts.push(["Cameras", world.visionTrouble, "warn"]);
+    if (world.visionTrouble && !robot.device("gps")) facts.push(["Cameras", world.visionTrouble, "warn"]);
     const gps = robot.device("gps")?.address;
     if (gps && robot.get(gps, "quality") !== null) {
       const fix = ["no fix", "GPS", "differential"][robot.get(gps, "quality") ?? 0] ?? "fix";
       const error = robot.get(gps, "horizontal_error_m");
-      const within = error === null ? "" : `, ±${error.toFixed(2)} m`;
+      const within = error === null || fix === "no fix" ? "" : `, ±${error.toFixed(2)} m`;
       facts.push([
         "GPS",
         `${fix}, ${robot.get(gps, "satellites") ?? "?"} satellites${within}`,
         fix === "no fix" ? "bad" : "",
       ]);
       const degrees = ["latitude", "longitude"].map((path) => ((robot.get(gps, path) ?? 0) / 1e7).toFixed(6));
-      facts.push(["Position", degrees.join(", ")]);
+      if (fix !== "no fix") facts.push(["Position", degrees.join(", ")]);
     }
     if (robot.get(base, "stalled")) facts.push(["Wheels", "they turn, but the base does not move", "bad"]);
     const driver = robot.driver(base);
-    if (driver) {
+    if (driver && driver.rate_hz > 0) {
       const { p50, p99 } = driver.jitter_us;
       const number = (value: number | null) => value?.toFixed(0) ?? "?";
       facts.push(["Beat", `${number(driver.rate_hz)} Hz, jitter p50 ${number(p50)} p99 ${number(p99)} µs`]);
@@ -924,8 +722,8 @@ function drawHealth(robot: Robot | null, base: string | null): void {
     const address = driver.devices[0]?.device ?? driver.name;
     if (driver.hung) facts.push([address, "its driver hangs", "bad"]);
     else if (driver.faults > 0)
-      facts.push([address, `${driver.faults} faults${driver.open ? "" : ", not open"}`, "bad"]);
-    if (driver.beats_missed > 0) facts.push([address, `${driver.beats_missed} beats missed`, "warn"]);
+      facts.push([address, `${several(driver.faults, "fault")}${driver.open ? "" : ", not open"}`, "bad"]);
+    if (driver.beats_missed > 0) facts.push([address, `${several(driver.beats_missed, "beat")} missed`, "warn"]);
   }
   for (const device of robot?.devices ?? []) if (device.trouble) facts.push([device.address, device.trouble, "bad"]);
   element("facts").replaceChildren(
@@ -974,7 +772,6 @@ element("theme").addEventListener("click", () => {
 
 // ---- Go
 
-drawMapping();
 drawPanels();
 drawPlayer();
 setInterval(drawPanels, 100);

@@ -13,6 +13,7 @@ const LARGE = 10.5; // between the lengths of B and A
 const DIVISION_A = { depth: 1.8, span: 3.6, goal: 1.8 };
 const DIVISION_B = { depth: 1.0, span: 2.0, goal: 1.0 };
 const SMALLEST = 12; // px: a robot is never drawn smaller
+const TOOLS_PX = 52; // of the map, under the buttons at its top
 const COLORS = ["#3b9cff", "#ffb02e", "#35c28d", "#ff6b8b", "#b38cff", "#2cc5d2", "#e58a3a", "#9bc53d"];
 
 export function color(number: number): string {
@@ -114,7 +115,9 @@ export class FieldMap {
     const margin = field ? 0.05 : 1.2; // m
     const across = Math.max(right - left + 2 * margin, field ? 0 : 4);
     const along = Math.max(top - bottom + 2 * margin, field ? 0 : 3);
-    this.#scale = Math.max(2, Math.min(2000, Math.min(this.#width / across, this.#height / along)));
+    const above = field ? TOOLS_PX : 0;
+    this.#scale = Math.max(2, Math.min(2000, this.#width / across, (this.#height - above) / along));
+    this.#centre.y += above / 2 / this.#scale;
   }
 
   /** Where on the page a place of the world is [CSS px from the canvas]. */

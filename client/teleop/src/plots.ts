@@ -3,6 +3,7 @@
 import uPlot from "uplot";
 import { color } from "./map";
 import type { World } from "./robots";
+import { fixed } from "./standing";
 import "uplot/dist/uPlot.min.css";
 
 const SECONDS = 60;
@@ -97,7 +98,7 @@ export class Plots {
       ticks: { stroke: style.getPropertyValue("--grid").trim(), width: 1 },
       font: "12px system-ui, sans-serif",
     };
-    const ago = (_: uPlot, splits: number[]) => splits.map((at) => `${(at - this.#last).toFixed(0)} s`);
+    const ago = (_: uPlot, splits: number[]) => splits.map((at) => `${fixed(at - this.#last, 0)} s`);
     this.#plot = new uPlot(
       {
         ...this.#size(),
@@ -106,7 +107,7 @@ export class Plots {
         legend: { live: true },
         cursor: { drag: { x: true, y: false } },
         series: [
-          { label: "Time", value: (_, at) => (at == null ? "" : `${(at - this.#last).toFixed(2)} s`) },
+          { label: "Time", value: (_, at) => (at == null ? "" : `${fixed(at - this.#last, 2)} s`) },
           ...this.series.map((one, i) => ({
             label: `${this.world.robots.get(one.robot)?.label ?? ""} ${one.device} ${one.path}`,
             stroke: color(i),

@@ -81,7 +81,7 @@ export type FromGateway =
   | (FromRobot & { t: "mission"; device: string } & Mission)
   // Of each stream that has news: its number, age [s] and values.
   | { t: "frame"; at: number; robots: [robot: number, rows: (number | null)[][]][] }
-  | { t: "vision"; field?: Field; ball?: [x: number, y: number]; why: string }
+  | { t: "vision"; field?: Field; ball?: [x: number, y: number]; why: string; halt?: boolean }
   | { t: "recording"; files: string[]; bytes: number; dropped: number; trouble: string }
   | ({ t: "playing" } & Playing)
   | { t: "playable"; files: string[] }

@@ -248,6 +248,7 @@ export class World {
   field: Field | null = null;
   ball: { x: number; y: number; at: number } | null = null;
   visionTrouble = "";
+  halt = false; // as the referee says
   chosen: number | null = null;
 
   get robot(): Robot | null {
@@ -269,8 +270,9 @@ export class World {
   short(robot: Robot): string {
     const split = (label: string) => /^(\[.*\]|[^:]*):(\d+)$/.exec(label); // HOST:PORT, [IPv6]:PORT
     const [, host, port] = split(robot.label) ?? [];
-    const same = [...this.robots.values()].every((other) => split(other.label)?.[1] === host);
-    return this.robots.size > 1 && port && same ? port : robot.label;
+    const hosts = [...this.robots.values()].map((other) => split(other.label)?.[1]).filter(Boolean);
+    const same = hosts.length > 1 && hosts.every((other) => other === host);
+    return port && same ? port : robot.label;
   }
 
   note(label: string, severity: number, text: string): void {
@@ -349,6 +351,7 @@ export class World {
         if (message.field) this.field = message.field;
         if (message.ball) this.ball = { x: message.ball[0], y: message.ball[1], at: now };
         this.visionTrouble = message.why;
+        this.halt = message.halt ?? false;
         break;
     }
   }

@@ -128,3 +128,21 @@ describe("toPlane", () => {
     expect(longitude).toBeCloseTo(13.407, 12);
   });
 });
+
+describe("short names", () => {
+  const named = (...labels: string[]) => {
+    const made = new World();
+    labels.forEach((label, robot) => {
+      made.take({ t: "robot", robot, label, connected: false, why: "", devices: [], streams: [] }, 0);
+    });
+    return [...made.robots.values()].map((robot) => made.short(robot));
+  };
+  it("are ports where all have the same host, of both kinds of address, whatever is played", () => {
+    expect(named("10.0.0.1:6665", "10.0.0.1:6666")).toEqual(["6665", "6666"]);
+    expect(named("[::1]:6665", "[::1]:6666", "lap.mcap")).toEqual(["6665", "6666", "lap.mcap"]);
+  });
+  it("are whole otherwise", () => {
+    for (const labels of [["robot1"], ["[::1]:6665"], ["[::1]:6665", "[::2]:6665"], ["a:6665", "b"], ["::1", "::2"]])
+      expect(named(...labels)).toEqual(labels);
+  });
+});

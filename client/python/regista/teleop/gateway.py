@@ -34,6 +34,7 @@ FRAMES = 60  # a second
 PENDING_BYTES = 256 * 1024  # a page that is further behind gets no frames until it has caught up
 RECORDING_SECONDS = 1.0  # between two tellings how large it is
 STARTS = ("go", "resume", "take")
+END_SECONDS = 3.0  # twice as long as a robot may owe an answer
 SILENCE_SECONDS = 1.0  # a page says that it is alive five times a second; without that, nobody watches
 
 # The page has all that it needs: nothing comes from elsewhere, nothing goes elsewhere, nobody frames it.
@@ -160,7 +161,8 @@ class Gateway:
             self._live.close()
         for task in self._tasks:
             task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        with contextlib.suppress(TimeoutError):  # who still waits for a robot's answer is cancelled again, and ends
+            await asyncio.wait_for(asyncio.gather(*self._tasks, return_exceptions=True), END_SECONDS)
         if self._runner is not None:
             await self._runner.cleanup()
 
@@ -297,9 +299,10 @@ class Gateway:
             self._tell({"t": "stopped"})
             links = [self._link(message)] if message.get("robot") is not None else list(self._links.values())
             done = await asyncio.gather(*(link.stop() for link in links), return_exceptions=True)
-            for problem in done:
+            for link, problem in zip(links, done, strict=True):
+                # Of a robot that is not there, the page says so already.
                 if isinstance(problem, BaseException) and not isinstance(problem, regista.ConnectionError):
-                    raise problem
+                    link.note(f"STOP: {problem}", severity=2)
             return
         if type_ == "controls":
             if self._pilot is not page:

@@ -237,8 +237,9 @@ class Link:
         if mission is not None:
             self._tell("mission", keep=f"mission {address}", device=address, **mission.to_dict())
 
-    def _note(self, text: str) -> None:
-        self._tell_all({"t": "event", "robot": self.number, "severity": 1, "text": text})
+    def note(self, text: str, severity: int = 1) -> None:
+        """For whoever reads what happened. `severity`: 2 is bad."""
+        self._tell_all({"t": "event", "robot": self.number, "severity": severity, "text": text})
 
     # Sixty times a second
 
@@ -254,7 +255,7 @@ class Link:
                 self._tell_mission(address)
                 self._look.set()
         for event in self._robot.events():
-            self._tell_all({"t": "event", "robot": self.number, "severity": event.severity, "text": event.text})
+            self.note(event.text, event.severity)
             for address, mission in self._missions.items():
                 # Everybody hears of every refusal: when the base drives for us, it was another's.
                 if mission.ours and not mission.accepted and event.text.startswith(f"{address} refused: "):
@@ -275,7 +276,7 @@ class Link:
                 what = "Foxglove" if log is self._live else "recording"
                 self._live = None if log is self._live else self._live
                 self._log = None if log is self._log else self._log
-                self._note(f"{what} of {self.label} ended: {error!r}")
+                self.note(f"{what} of {self.label} ended: {error!r}")
 
     def news(self, now: float, *, again: bool = False) -> list[list[Any]]:
         """Of each stream that has news: its number, age and values."""
@@ -314,7 +315,7 @@ class Link:
             wanted()
             await self._base(base).take()
         except (regista.Error, ValueError) as error:
-            self._note(str(error))
+            self.note(str(error))
 
     @property
     def _grabs(self) -> bool:
@@ -371,7 +372,7 @@ class Link:
             await hand.settle()
 
     async def stop(self) -> None:
-        """Every device to rest, whoever drives it."""
+        """Every device to rest, whoever drives it, at once: whatever else the robot has been asked."""
         self._revoke("STOP")
         self.let_go()
         self._stopping_at = time.monotonic()

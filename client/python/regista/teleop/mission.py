@@ -124,6 +124,7 @@ class Mission:
         self.state, self.reason = State.PAUSED, reason
         self._follower = None
         try:
+            self._base.set_velocity()  # at once; the question may have to wait for another's answer
             await self._base.stop()
         except regista.Error as error:
             self.reason = f"{reason}; {error}"

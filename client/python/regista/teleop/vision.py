@@ -23,11 +23,13 @@ async def watch(address: str, tell: Callable[[dict[str, Any]], None]) -> None:
                 async with session.get(f"http://{address}/") as answer:
                     status = await answer.json(content_type=None)
             except (aiohttp.ClientError, TimeoutError, ValueError) as error:
-                tell({"t": "vision", "why": f"no vision bridge at {address}: {error or 'it is silent'}"})
+                why = error.strerror if isinstance(error, OSError) else str(error)
+                tell({"t": "vision", "why": f"no vision bridge at {address}: {why or 'it is silent'}"})
                 field = None
                 await asyncio.sleep(RETRY_SECONDS)
                 continue
-            message: dict[str, Any] = {"t": "vision", "why": "; ".join(status.get("warnings", []))}
+            halt = status.get("referee", {}).get("halt", False)
+            message: dict[str, Any] = {"t": "vision", "why": "; ".join(status.get("warnings", [])), "halt": halt}
             if status.get("field") != field:
                 field = status["field"]
                 message["field"] = field

@@ -112,9 +112,10 @@ class Connection {
   /// The same for a request whose type is known only at run time.
   Result<AnyReply> request(Address to, const AnyRequest& request);
 
-  /// Ask without waiting; a later read() brings the answer. Fails when a request is under way already.
+  /// Ask without waiting; a later read() brings the answer. Fails when a request is under way already; but a STOP of
+  /// everything waits only for another one.
   Result<> post(Address to, const AnyRequest& request, OnReply on_reply);
-  [[nodiscard]] bool request_pending() const { return in_flight_.has_value(); }
+  [[nodiscard]] bool request_pending() const { return in_flight_.has_value(); }  ///< other than such a STOP
 
   /// Send a command. Never blocks: fails with `congested` when the server has stopped reading.
   Result<> send(Address to, const AnyCommand& command);
@@ -147,6 +148,7 @@ class Connection {
     std::string_view name;
     OnReply on_reply;
   };
+  using Slot = std::optional<InFlight>;
   struct Kept {
     xdr::Header header;
     AnyData data;
@@ -171,7 +173,8 @@ class Connection {
   void note_open(Address from, const Result<std::string>& driver);
   regista::Error fail(regista::Error error);
   void drop(const regista::Error& error);
-  void finish(Result<std::span<const std::byte>> body);
+  Slot& slot_for(const AnyRequest& request);
+  void finish(Slot& slot, Result<std::span<const std::byte>> body);
   Subscription* find(Address address);
 
   std::string host_;
@@ -188,7 +191,8 @@ class Connection {
   xdr::Framer framer_;
   std::vector<std::byte> out_;      ///< the message that is being encoded
   std::vector<std::byte> backlog_;  ///< the rest of one message that the socket did not take
-  std::optional<InFlight> in_flight_;
+  Slot in_flight_;
+  Slot stop_;  ///< of everything
   std::uint32_t sequence_ = 0;
   std::vector<Subscription> subscriptions_;
   std::map<std::pair<Address, std::uint8_t>, Kept> kept_;
