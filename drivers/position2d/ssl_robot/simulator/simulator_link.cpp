@@ -26,24 +26,24 @@ constexpr double degree = std::numbers::pi / 180;
 constexpr double radps_per_rpm = 2 * std::numbers::pi / 60;
 
 /// Writes protobuf's wire format: each field with its number, in ascending order.
-class Fields {
+class Writer {
  public:
-  Fields& number(int field, std::uint64_t value) {
+  Writer& number(int field, std::uint64_t value) {
     varint(static_cast<std::uint64_t>(field) << 3);
     varint(value);
     return *this;
   }
-  Fields& real(int field, double value) {
+  Writer& real(int field, double value) {
     varint(static_cast<std::uint64_t>(field) << 3 | 5);
     fixed(std::bit_cast<std::uint32_t>(static_cast<float>(value)), 4);
     return *this;
   }
-  Fields& real64(int field, double value) {
+  Writer& real64(int field, double value) {
     varint(static_cast<std::uint64_t>(field) << 3 | 1);
     fixed(std::bit_cast<std::uint64_t>(value), 8);
     return *this;
   }
-  Fields& message(int field, const Fields& inner) {
+  Writer& message(int field, const Writer& inner) {
     varint(static_cast<std::uint64_t>(field) << 3 | 2);
     varint(inner.bytes_.size());
     bytes_.insert(bytes_.end(), inner.bytes_.begin(), inner.bytes_.end());
@@ -121,34 +121,34 @@ class Reader {
   std::span<const std::uint8_t> bytes_;
 };
 
-std::vector<std::uint8_t> grsim_packet(const Fields& robot, bool yellow) {
-  Fields commands;
+std::vector<std::uint8_t> grsim_packet(const Writer& robot, bool yellow) {
+  Writer commands;
   commands.real64(1, 0).number(2, yellow ? 1 : 0).message(3, robot);
-  return Fields{}.message(1, commands).bytes();
+  return Writer{}.message(1, commands).bytes();
 }
 
 }  // namespace
 
 std::vector<std::uint8_t> league_packet(const SimulatorCommand& command) {
-  Fields local;  // forward, left, angular
+  Writer local;  // forward, left, angular
   local.real(1, command.velocity.x).real(2, command.velocity.y).real(3, command.velocity.w);
-  Fields robot;
-  robot.number(1, command.robot).message(2, Fields{}.message(2, local));
+  Writer robot;
+  robot.number(1, command.robot).message(2, Writer{}.message(2, local));
   if (command.kick_mps > 0) robot.real(3, command.kick_mps).real(4, command.kick_rad / degree);
   robot.real(5, command.dribbler_radps / radps_per_rpm);
-  return Fields{}.message(1, robot).bytes();
+  return Writer{}.message(1, robot).bytes();
 }
 
 std::vector<std::uint8_t> league_packet(const SimulatorBrake& brake) {
-  Fields wheels;  // front right, back right, back left, front left
+  Writer wheels;  // front right, back right, back left, front left
   wheels.real(1, 0).real(2, 0).real(3, 0).real(4, 0);
-  Fields robot;
-  robot.number(1, brake.robot).message(2, Fields{}.message(1, wheels));
-  return Fields{}.message(1, robot).bytes();
+  Writer robot;
+  robot.number(1, brake.robot).message(2, Writer{}.message(1, wheels));
+  return Writer{}.message(1, robot).bytes();
 }
 
 std::vector<std::uint8_t> grsim_packet(const SimulatorCommand& command) {
-  Fields robot;
+  Writer robot;
   robot.number(1, command.robot)
       .real(2, command.kick_mps * std::cos(command.kick_rad))
       .real(3, command.kick_mps * std::sin(command.kick_rad))
@@ -161,7 +161,7 @@ std::vector<std::uint8_t> grsim_packet(const SimulatorCommand& command) {
 }
 
 std::vector<std::uint8_t> grsim_packet(const SimulatorBrake& brake) {
-  Fields robot;
+  Writer robot;
   robot.number(1, brake.robot).real(2, 0).real(3, 0).real(4, 0).real(5, 0).real(6, 0).number(7, 0).number(8, 1);
   for (int wheel = 9; wheel <= 12; ++wheel) robot.real(wheel, 0);
   return grsim_packet(robot, brake.yellow);
