@@ -336,7 +336,8 @@ Result<> MotionGroup::take(SessionId session, const Identity& who, bool blend, T
   }
   rests_first_ = state_ == MotionState::stopping;
   owner_ = Owner{session, who};
-  if (state_ != MotionState::driving) heard_ = now;  // to take is not to command: what moves gets no new lease
+  // To take is not to command: what moves, or waits to, gets no new lease.
+  if (state_ != MotionState::driving && !queued_) heard_ = now;
   changed_ = true;
   return {};
 }

@@ -280,6 +280,18 @@ TEST(Motion, is_not_driven_for_who_was_taken_over_from_during_the_stop) {
   }
 }
 
+TEST(Motion, does_not_drive_longer_on_a_command_because_its_owner_takes_again) {
+  Story s{{.ramp = 1}};
+  s.stream(alice, drive(1), 100ms);
+  ASSERT_TRUE(s.take(bob));
+  ASSERT_TRUE(s.command(bob, drive(-1)));  // waits until it stands, in 1 s; its lease is over before that
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_TRUE(s.take(bob));
+    s.step(20ms);
+    EXPECT_GE(s.velocity().x, 0);
+  }
+}
+
 TEST(Motion, refuses_what_is_not_finite) {
   Story s;
   EXPECT_EQ(s.command(alice, drive(NAN)).error().what, "cmd_vel.vx = nan");
