@@ -4,7 +4,9 @@
 import contextlib
 import signal
 import subprocess
+import threading
 
+import regista
 from command_line import REGISTA, ROOT, Server, environment
 
 
@@ -38,3 +40,21 @@ def serving(example, folder):
         gateway = Gateway(server.robot, folder=folder)
         yield server, gateway
         gateway.end()
+
+
+@contextlib.contextmanager
+def program(server, drive):
+    """Another program than the page: `drive(robot, ended)`, on a thread of its own, until `ended()`."""
+    end = threading.Event()
+
+    def run():
+        with regista.Robot("127.0.0.1", server.port, name="nav@laptop") as robot:
+            drive(robot, end.is_set)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()

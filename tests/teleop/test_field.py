@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A field robot, whose own planner drives lists of way-points: examples/field.cfg."""
 
-import contextlib
 import math
 import re
-import threading
 
 import numpy as np
 import pytest
 import regista
 from command_line import owned, wait_for
-from gateway import serving
+from gateway import program, serving
 from observer import Observer
 from regista import Pose2d, localize, planner
 from test_stops import HIDE
@@ -136,28 +134,19 @@ def test_a_hidden_page_pauses_a_mission_that_asks(page, field, ask):
     wait_for(lambda: ask().state is planner.MissionState.paused)
 
 
-@contextlib.contextmanager
 def programmed(server, points):
-    """Another program's mission, kept alive on a thread of its own."""
-    end = threading.Event()
+    """Another program's mission, kept alive."""
 
-    def drive():
-        with regista.Robot("127.0.0.1", server.port, name="nav@laptop") as robot:
-            device = robot.device("planner:0")
-            poses = [Pose2d(x, y, 0) for x, y in points]
-            device.request(planner.SetMission(id="survey", points=poses, actions=[]))
-            device.send(planner.RunCommand(id="survey"))
-            device.keep_alive(True)
-            while not end.is_set():
-                robot.read(timeout=0.05)
+    def drive(robot, ended):
+        device = robot.device("planner:0")
+        poses = [Pose2d(x, y, 0) for x, y in points]
+        device.request(planner.SetMission(id="survey", points=poses, actions=[]))
+        device.send(planner.RunCommand(id="survey"))
+        device.keep_alive(True)
+        while not ended():
+            robot.read(timeout=0.05)
 
-    thread = threading.Thread(target=drive)
-    thread.start()
-    try:
-        yield
-    finally:
-        end.set()
-        thread.join()
+    return program(server, drive)
 
 
 def test_another_programs_mission_is_shown_and_taken_over_only_on_purpose(page, field, seen, ask):

@@ -4,6 +4,7 @@
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 import regista
@@ -127,7 +128,7 @@ def test_a_drive_that_tells_an_emergency(start, visit, tmp_path):
 
     with Robot(tmp_path) as robot:
         robot.up()
-        page = visit(start(type("Named", (), {"robot": f"127.0.0.1:{robot.server.port}"})))
+        page = visit(start(SimpleNamespace(robot=f"127.0.0.1:{robot.server.port}")))
         over_voltage = ["write", str(LEFT), "2002", "0x3210", "--type", "unsigned16"]
         subprocess.run([BIN / "regista-can", "-b", robot.bus, *over_voltage], check=True)
         page.locator("#log", has_text="node 5: EMCY 0x3210 DC link over-voltage").wait_for()

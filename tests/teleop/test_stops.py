@@ -8,12 +8,12 @@ busy one, too: the robot slowed down before the server's lease would have made i
 import contextlib
 import re
 import signal
-import threading
 import time
 
 import pytest
 import regista
 from command_line import ROOT, Server, owned, wait_for
+from gateway import program
 from observer import Observer
 from test_driving import PAD
 from test_reasons import FAULTS
@@ -237,25 +237,16 @@ def test_a_robot_that_was_stopped_by_others_says_by_whom(shared, visit):
         page.keyboard.up("w")
 
 
-@contextlib.contextmanager
 def driven(server):
     """A program drives ahead, and does not let go for a STOP."""
-    end = threading.Event()
 
-    def drive():
-        with regista.Robot("127.0.0.1", server.port, name="nav@laptop") as robot:
-            base = robot.position2d()
-            while not end.is_set():
-                base.set_velocity(x=0.5)
-                robot.read(timeout=0.02)
+    def drive(robot, ended):
+        base = robot.position2d()
+        while not ended():
+            base.set_velocity(x=0.5)
+            robot.read(timeout=0.02)
 
-    thread = threading.Thread(target=drive)
-    thread.start()
-    try:
-        yield
-    finally:
-        end.set()
-        thread.join()
+    return program(server, drive)
 
 
 OWES = """
